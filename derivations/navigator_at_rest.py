@@ -84,10 +84,10 @@ def _loops() -> tuple[float, float, float]:
 
 def loops() -> float:
     """Return the constants of the space-stable navigator's loops, relative."""
-    from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, _held
+    from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, loop_constants
 
     site = InertialSite(LATITUDE, HEIGHT, G, 0.0)
-    ours = np.array(_held(site, Aids(damping=DAMPING, height_s=HEIGHT_S))[1:])
+    ours = np.array(loop_constants(site, Aids(damping=DAMPING, height_s=HEIGHT_S))[1:])
     return float(np.abs(ours / np.array(_loops()) - 1).max())
 
 
@@ -103,7 +103,7 @@ def _by_aids() -> tuple[Any, float]:
 
 def aided_strapdown() -> float:
     """Return the rates of velocity and height of a level unit that moves above its reference, over their sizes."""
-    from gimbalcal.navigate.strapdown import aided
+    from gimbalcal.navigate.strapdown import aided_strapdown
 
     force = np.array([0.1, 0.2, -9.7])
     start = np.array([LATITUDE, 0.0, HEIGHT])
@@ -114,7 +114,7 @@ def aided_strapdown() -> float:
     def rates(aids: tuple[float, float]) -> Any:
         ends = []
         for h in (STEP, -STEP):
-            end = aided(np.array([h]), np.zeros((1, 3)), force[None], C, start, np.array([0]), *aids, G,
+            end = aided_strapdown(np.array([h]), np.zeros((1, 3)), force[None], C, start, np.array([0]), *aids, G,
                         TURN @ VELOCITY, reference)  # fmt: skip
             ends.append(np.r_[TURN @ end.velocity[1], end.position[1, 2]])
         return (ends[0] - ends[1]) / (2 * STEP)
@@ -128,7 +128,7 @@ def aided_strapdown() -> float:
 
 def aided_among_the_stars() -> float:
     """Return the same of the space-stable navigator, with its own constants left out and put in."""
-    from gimbalcal.navigate.space_stable_navigator import _march
+    from gimbalcal.navigate.space_stable_navigator import run_loop
 
     phase = 0.4
     s, c, S, K = np.sin(LATITUDE), np.cos(LATITUDE), np.sin(phase), np.cos(phase)
@@ -142,7 +142,7 @@ def aided_among_the_stars() -> float:
         ends = []
         for h in (LONGER, -LONGER):
             out = np.empty((1, 5))
-            after = _march(np.array([h]), np.zeros((1, 3)), r, v, place, *loop, np.zeros((1, 2)),
+            after = run_loop(np.array([h]), np.zeros((1, 3)), r, v, place, *loop, np.zeros((1, 2)),
                            np.array([HEIGHT - ABOVE]), out)  # fmt: skip
             ends.append(np.r_[C @ np.array(after[3:]), C @ np.array(after[:3])])
         return (ends[0] - ends[1]) / (2 * LONGER)
@@ -194,7 +194,7 @@ def alignment() -> float:
     integrals, off = strapdown_unit._in_carried_axes, rotation((0.0, 0.6, 0.8), 2e-3)
     strapdown_unit._in_carried_axes = lambda *_: off @ C
     try:
-        found = strapdown_unit.aligned(dt, rates, forces, site, Aids())
+        found = strapdown_unit.aligned_attitude(dt, rates, forces, site, Aids())
     finally:
         strapdown_unit._in_carried_axes = integrals
     return float(np.abs(found - C).max())
@@ -203,11 +203,11 @@ def alignment() -> float:
 def metres() -> float:
     """Return the distance of an error of latitude and longitude, relative."""
     from gimbalcal.navigate.space_stable_navigator import InertialSite
-    from gimbalcal.navigate.static_run import horizontal
+    from gimbalcal.navigate.static_run import horizontal_distance
 
     R_M, R_N = nav.radii(LATITUDE)
     derived = np.hypot(1e-5 * (R_M + HEIGHT), 2e-5 * (R_N + HEIGHT) * np.cos(LATITUDE))
-    ours = horizontal(np.array([[1e-5, -2e-5, 0, 0, 0, 0, 0]]), InertialSite(LATITUDE, HEIGHT, G, 0.0))[0]
+    ours = horizontal_distance(np.array([[1e-5, -2e-5, 0, 0, 0, 0, 0]]), InertialSite(LATITUDE, HEIGHT, G, 0.0))[0]
     return float(abs(ours / derived - 1))
 
 
@@ -278,7 +278,7 @@ def sampled_sigma() -> float:
     generator = np.random.default_rng
     np.random.default_rng = _Drawn  # type: ignore[assignment]
     try:
-        found = uncertainty._sampled(Thin(), made, USUAL, 6, 1, lambda _: None)  # type: ignore[arg-type]
+        found = uncertainty.sampled_sigma(Thin(), made, USUAL, 6, 1, lambda _: None)  # type: ignore[arg-type]
     finally:
         np.random.default_rng = generator
     return float(np.abs(found / np.sqrt(np.diag(J @ P @ J.T)) - 1).max())

@@ -297,11 +297,11 @@ def joint_information() -> float:
 
 def mean_readings() -> float:
     """Integrals of the readings over all intervals of means, over those of the rows: nothing may be lost or doubled."""
-    from gimbalcal.navigate.strapdown_unit import thinned
+    from gimbalcal.navigate.strapdown_unit import thinned_intervals
 
     r = _recording(np.zeros(6))
     keys = list(r.channels)
-    rows, dt = thinned(r, 5.0), np.diff(r.time, prepend=2 * r.time[0] - r.time[1])
+    rows, dt = thinned_intervals(r, 5.0), np.diff(r.time, prepend=2 * r.time[0] - r.time[1])
     if not 1 < len(rows.dt) < len(dt):
         return 1.0  # means of everything, or of nothing, test nothing
     worst = abs(rows.dt.sum() / dt.sum() - 1)

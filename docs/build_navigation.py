@@ -12,7 +12,7 @@ from chart_sheet import sheet
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
 from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, schuler_rate
-from gimbalcal.navigate.uncertainty import before_and_after, navigated
+from gimbalcal.navigate.uncertainty import before_and_after, navigation_errors
 from gimbalcal.pipeline import load, three_stage
 from gimbalcal.report.chart import BLUE, DASHES, VERMILION, Chart, Line, Rule
 from gimbalcal.report.navigation_page import curves
@@ -61,7 +61,7 @@ def picture(path: Path) -> None:
     """Roll by Eq. (28) and by the navigator, damped and not, and the difference."""
     run, _ = simulate(RUN)
     static = -np.rad2deg(run.channels["attitude_error", "roll"]) * 3600
-    full = {d: np.rad2deg(navigated(run, aids=Aids(damping=d)).error[:, 4]) * 3600 for d in (0.0, 0.5)}
+    full = {d: np.rad2deg(navigation_errors(run, aids=Aids(damping=d)).error[:, 4]) * 3600 for d in (0.0, 0.5)}
     few = slice(None, None, 3)  # 28 points of each swing
     hours = run.time[few] / 3600
     above, below = [], []

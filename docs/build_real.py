@@ -25,9 +25,9 @@ from gimbalcal.importers import import_files
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, read
 from gimbalcal.report.figures import Panel, before_after
-from gimbalcal.words.diagnosis_sentences import digits
-from gimbalcal.words.naming import named, unit_in_print
-from gimbalcal.words.rounding import pdg
+from gimbalcal.words.diagnosis_sentences import three_digits
+from gimbalcal.words.naming import name_in_words, unit_in_print
+from gimbalcal.words.rounding import pdg_rounded
 
 DOCS = Path(__file__).parent
 SHIPPED = DOCS.parent / "data" / "space_stable_concealed"
@@ -228,16 +228,16 @@ def step_rows(d: Diagnosis) -> list[str]:
     """Return the misfit after each effect that was identified, in the order of its contribution."""
     fit = d.fit.to_dict()
     unit = unit_in_print(fit["noise"]["unit"])
-    rows = ["| model | misfit, rms |", "|---|---|", f"| baseline | {digits(fit['rms_before'])} {unit} |"]
+    rows = ["| model | misfit, rms |", "|---|---|", f"| baseline | {three_digits(fit['rms_before'])} {unit} |"]
     for s in fit["steps"]:
         axis = f" ({s['axis'].replace('_', ' ')})" if s["axis"] else ""
-        rows.append(f"| + {named(s['effect'])}{axis} | {digits(s['rms'])} {unit} |")
+        rows.append(f"| + {name_in_words(s['effect'])}{axis} | {three_digits(s['rms'])} {unit} |")
     if d.unexplained:
-        rows.append(f"| + a shape without a cause | {digits(fit['rms_after'])} {unit} |")
-    outside = f"{digits(fit['heldout_rms_before'])} → {digits(fit['heldout_rms_after'])} {unit}"
+        rows.append(f"| + a shape without a cause | {three_digits(fit['rms_after'])} {unit} |")
+    outside = f"{three_digits(fit['heldout_rms_before'])} → {three_digits(fit['heldout_rms_after'])} {unit}"
     rows.append(f"| held-out data, before → after | {outside} |")
     if "chi2_of_samples_after" in fit:
-        b, a = (", ".join(digits(x) for x in fit[f"chi2_of_samples_{w}"].values()) for w in ("before", "after"))
+        b, a = (", ".join(three_digits(x) for x in fit[f"chi2_of_samples_{w}"].values()) for w in ("before", "after"))
         rows.append(f"| chi² per degree of freedom, samples' scatter as noise | {b} → {a} |")
     if "turns" in fit:
         t = fit["turns"]
@@ -251,13 +251,13 @@ def size_rows(d: Diagnosis) -> list[str]:
     for f in d.findings:
         sizes = "<br>".join(_size(p) for p in f["parameters"])
         axis = f" ({f['axis'].replace('_', ' ')})" if f["axis"] else ""
-        twins = ", ".join(named(t) for t in f["twins"]) or "–"
-        rows.append(f"| {named(f['effect'])}{axis} | {100 * f['probability']:.3g} % | {sizes} | {twins} |")
+        twins = ", ".join(name_in_words(t) for t in f["twins"]) or "–"
+        rows.append(f"| {name_in_words(f['effect'])}{axis} | {100 * f['probability']:.3g} % | {sizes} | {twins} |")
     return rows if d.findings else []
 
 
 def _size(p: dict[str, Any]) -> str:
-    value, sigma = pdg(p["value"], p["sigma"])
+    value, sigma = pdg_rounded(p["value"], p["sigma"])
     unit = unit_in_print(p["unit"]) if p["unit"] != "1" else ""
     return f"{p['name'].replace('_', ' ')} {p['axis'].replace('_', ' ')} {value} ± {sigma} {unit}".replace("  ", " ")
 

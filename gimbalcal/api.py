@@ -35,7 +35,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.history.fleet import Fleet, grade_and_fleet
 from gimbalcal.navigate.navigation_errors import labels
 from gimbalcal.navigate.summary import NamedCalibration, NavigationInputs, NavigationSummary, summary
-from gimbalcal.navigate.uncertainty import before_and_after, usual
+from gimbalcal.navigate.uncertainty import before_and_after, usual_references
 from gimbalcal.pipeline import Source, load
 from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording, read
@@ -119,7 +119,7 @@ def navigate(
     elif not isinstance(given, Mapping):
         files = [Path(file) for file in _each(given)]
         given = {name: read_calibration(file) for name, file in zip(labels(files), files, strict=True)}
-    aids = usual(run, damping, 60 * alignment_min)
+    aids = usual_references(run, damping, 60 * alignment_min)
     runs = before_and_after(run, list(given.items()), aids, samples, seed, progress)
     named = (NamedCalibration(name, str(file)) for name, file in zip(given, files, strict=False))
     return summary(runs, aids, NavigationInputs(run.source, tuple(named), samples, seed), run.title)

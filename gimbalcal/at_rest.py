@@ -17,14 +17,14 @@ from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError, amount
-from gimbalcal.inference.allan import MIN_P_VALUE, MIN_ROWS, AllanCurve, AllanFit, curve, fit, law
+from gimbalcal.inference.allan import MIN_P_VALUE, MIN_ROWS, AllanCurve, AllanFit, allan_curve, allan_law, fit
 from gimbalcal.number import Array
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording, Source, dwells
 from gimbalcal.recording.dwell import MISSED
 from gimbalcal.recording.record import FORCE, RATE, SENSOR_OF, SENSORS, Key
 from gimbalcal.units import from_si, is_raw
-from gimbalcal.views.segments import stops
+from gimbalcal.views.segments import stop_rows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -199,7 +199,7 @@ class Channel:
     @property
     def model(self) -> Array:
         """Return the Allan variance (P,) of the fitted noise."""
-        return np.asarray(law(self.curve.tau) @ self.fitted.square)
+        return np.asarray(allan_law(self.curve.tau) @ self.fitted.square)
 
 
 def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
@@ -214,7 +214,7 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
                 continue
             x = _without_the_earth(each, values) if each.kind.stabilised else values
             unit = each.units.get((quantity, axis), "")
-            c = curve(x, stretches, step)
+            c = allan_curve(x, stretches, step)
             if not c.variance.min() > 0:
                 raise InputError(f"{each.title!r}: {quantity} {axis} shows no noise at rest; log it with more digits")
             raw = unit if is_raw(unit) else ""
@@ -231,7 +231,7 @@ def _stretches(recording: Recording) -> tuple[list[slice], float]:
     where the clock pauses for more than `MAX_WAIT` steps, and the mean is the step.
     """
     step = recording.step if len(recording.time) > 1 else 1.0
-    rests = stops(recording) if recording.kind.rotating else dwells(recording)
+    rests = stop_rows(recording) if recording.kind.rotating else dwells(recording)
     dt = np.diff(recording.time)
     late = MISSED * step
     if np.mean(dt > late) > MAX_LATE:

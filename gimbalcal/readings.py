@@ -14,7 +14,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
 from gimbalcal.errors import InputError
-from gimbalcal.forward import AXES, Rows, difference, linearise, picked, predict
+from gimbalcal.forward import AXES, Rows, difference, linearise, predict, wanted_channels
 from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus_from_readings, with_phase_of_force
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -52,7 +52,7 @@ class Readings:
     def predicted(self, effects: Sequence[Effect] = ()) -> Array:
         """Return the readings (n, C) that the model predicts."""
         platform = self.recording.platform
-        return picked(platform, predict(platform, self.stimulus, effects, self.recording.kind), self.channels)
+        return wanted_channels(platform, predict(platform, self.stimulus, effects, self.recording.kind), self.channels)
 
     def residual(self, effects: Sequence[Effect] = ()) -> Array:
         """Read minus predicted (n, C); angles within half a turn."""

@@ -51,7 +51,7 @@ def output_of(p: Parameter) -> str:
     return "" if effect is None else OUTPUT_STAGES.get(effect.stage, "")
 
 
-def counted(p: Parameter, readout: Readout) -> bool:
+def is_in_counts(p: Parameter, readout: Readout) -> bool:
     """Return whether a parameter is expressed in readings that are counts, and so is an error of a nominal scale."""
     return output_of(p) in readout.counts
 
@@ -65,7 +65,7 @@ def in_readout(c: Calibration, readout: Readout) -> Calibration:
     counts = {q: wanted.get(q, n) for q, n in own.items()}
     if counts == own:
         return c
-    each = [_conversion(p, own, counts) for p in c.parameters]
+    each = [nominal_conversion(p, own, counts) for p in c.parameters]
     factor, shift = (np.array(x) for x in zip(*each, strict=True))
     parameters = tuple(
         replace(p, sigma=p.sigma * abs(f), mean=f * p.mean + d) for p, (f, d) in zip(c.parameters, each, strict=True)
@@ -79,7 +79,7 @@ def in_readout(c: Calibration, readout: Readout) -> Calibration:
     )
 
 
-def _conversion(p: Parameter, before: dict[str, Counts], after: dict[str, Counts]) -> tuple[float, float]:
+def nominal_conversion(p: Parameter, before: dict[str, Counts], after: dict[str, Counts]) -> tuple[float, float]:
     """Return factor and shift that take a parameter from one nominal to another."""
     quantity = output_of(p)
     if quantity not in before:

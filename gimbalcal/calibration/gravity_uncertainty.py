@@ -26,14 +26,14 @@ MAX_DIFFERENCE = 1e-9  # of gravity and its sigma at one site
 def with_gravity(c: Calibration, recordings: Sequence[Recording]) -> Calibration:
     """Return the calibration with the uncertainty of gravity at the site of these recordings in its covariance."""
     e, g = max(((r.site.gravity_sigma / r.site.gravity, r.site.gravity) for r in recordings), default=(0.0, 0.0))
-    u = scaled(c)
+    u = scale_factor_direction(c)
     if e == 0.0 or not u.any():
         return c
     origin = c.provenance.with_options(gravity=g, gravity_sigma_ppm=1e6 * e)
     return replace(c, covariance=c.covariance + e**2 * np.outer(u, u), provenance=origin)
 
 
-def scaled(c: Calibration) -> Array:
+def scale_factor_direction(c: Calibration) -> Array:
     """Return u (p,): the scale factors SF, which are proportional to gravity, and zero elsewhere."""
     return np.array([1 + x if p.effect == SCALED else 0.0 for p, x in zip(c.parameters, c.values, strict=True)])
 
@@ -51,6 +51,6 @@ def common_gravity(a: Calibration, b: Calibration) -> float:
 
 def without_gravity(c: Calibration, e: float) -> Array:
     """Return the covariance (p, p) without the common error e of gravity; unchanged where it contains none."""
-    u = scaled(c)
+    u = scale_factor_direction(c)
     remaining = np.diag(c.covariance)[u != 0] - (e * u[u != 0]) ** 2
     return c.covariance if np.any(remaining <= 0) else np.asarray(c.covariance - e**2 * np.outer(u, u))

@@ -268,7 +268,7 @@ def compare(
     from gimbalcal.history import compare as run
     from gimbalcal.history import dated_file, of_store
     from gimbalcal.report.files import write_comparison
-    from gimbalcal.words.naming import answered
+    from gimbalcal.words.naming import as_sentences
 
     if store is None and not calibrations:
         raise InputError("`compare` takes calibration.json files, or a --store that holds some")
@@ -280,7 +280,7 @@ def compare(
     if target is not None:
         write_comparison(comparison.printed, diagnoses, target.folder, target.question)
         output.wrote(target.folder, "compare.json")
-    output.show(comparison.printed.to_dict(), answered(comparison.in_words), target)
+    output.show(comparison.printed.to_dict(), as_sentences(comparison.in_words), target)
     sys.exit(0 if comparison.agree else 1)
 
 
@@ -315,8 +315,8 @@ def batch(
     """
     from gimbalcal.fleet import run_batch
     from gimbalcal.report.fleet_page import fleet_report
-    from gimbalcal.report.html import marked
-    from gimbalcal.words.naming import answered
+    from gimbalcal.report.html import with_question
+    from gimbalcal.words.naming import as_sentences
 
     named = Path(patterns[0]).parent if "*" in patterns[0] else patterns[0]
     target = output.folder([named], "fleet", ("fleet.json", "fleet.parquet", "report.html"))
@@ -325,12 +325,12 @@ def batch(
         summary = run_batch(
             patterns, store, target.folder if target else None, workers=workers, scheduler=scheduler,
             method=method or "", more=more, grade=grade, seed=seed, unit_name=unit_name, progress=output.progress,
-            page=lambda result, known: marked(fleet_report(result, known), question),
+            page=lambda result, known: with_question(fleet_report(result, known), question),
         )  # fmt: skip
     except KeyboardInterrupt:
         output.progress(f"finished recordings are kept in {store}; the same command continues from there")
         raise
     if target:
         output.wrote(target.folder, "fleet.json")
-    output.show(summary.to_dict(), answered(summary.in_words), target)
+    output.show(summary.to_dict(), as_sentences(summary.in_words), target)
     sys.exit(0 if summary.ordinary else 1)

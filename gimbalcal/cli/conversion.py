@@ -188,7 +188,7 @@ def new(
     from gimbalcal.guess.proposal import propose
     from gimbalcal.recording import dwells, write
     from gimbalcal.recording.dwell import in_several_attitudes
-    from gimbalcal.report.new_page import clocked, commented, proposal_page
+    from gimbalcal.report.new_page import commented_header, duration_and_rate, proposal_page
 
     output.progress(f"reading {amount(len(logs), 'log')}")
     proposal = propose(logs, title, rate or 0.0, latitude, height, longitude, pairs("--unit QUANTITY=UNIT", units))
@@ -197,7 +197,7 @@ def new(
     with output.staged(folder) as staged:
         write(r, staged, "samples.parquet" if len(r.time) > 1_000_000 else "samples.csv")
         header = staged / "recording.toml"
-        write_text(header, commented(header.read_text(encoding="utf-8"), proposal))
+        write_text(header, commented_header(header.read_text(encoding="utf-8"), proposal))
         write_text(staged / page, proposal_page(proposal))
     for name, g in proposal.guesses.items():
         output.progress(f"{name.strip()}: {g.in_words}, by {g.why}")
@@ -212,7 +212,7 @@ def new(
     size = amount(len(r.time), "star") if stars else f"{amount(intervals, 'rest')} and {amount(len(r.time), 'row')}"
     size = amount(len(r.time), "row") if turned or r.kind.stabilised else size
     if len(r.time) > max(intervals, 1) and not stars:  # a clock in another unit is seen at once
-        size += f" over {clocked(r)}"
+        size += f" over {duration_and_rate(r)}"
     description = f"a {r.kind} recording of {size}"
     correct = f"look at {folder / page} and correct {folder / 'recording.toml'} where a guess is wrong"
     columns = {

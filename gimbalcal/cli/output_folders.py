@@ -76,11 +76,11 @@ class Output:
                 raise InputError(f"{read.pop()} is read and would be written over; give another --out")
             other = _other_answers(self.out, files, question)
             if other and not self.overwrite:
-                from gimbalcal.words.naming import listed
+                from gimbalcal.words.naming import list_in_words
 
                 raise InputError(
-                    f"{self.out} already holds {listed(other)} of another question, which would be lost; give another "
-                    "--out, or --overwrite to replace"
+                    f"{self.out} already holds {list_in_words(other)} of another question, which would be lost; give "
+                    "another --out, or --overwrite to replace"
                 )
             return OutputFolder(self.out, question)
         if self.as_json or not os.access(Path(), os.W_OK):
@@ -233,12 +233,12 @@ def staged_folder(folder: Path, overwrite: bool = False) -> Iterator[Path]:
 
 def _refuse_different(files: list[Path], folder: Path) -> None:
     """Raise InputError where `folder` holds one of these files with other content."""
-    from gimbalcal.words.naming import listed
+    from gimbalcal.words.naming import list_in_words
 
     existing = [file for file in files if (folder / file.name).exists()]
     other = [file.name for file in existing if not cmp(file, folder / file.name, shallow=False)]
     if other:
         raise InputError(
-            f"{folder} already holds {listed(other)} with other content, which would be lost; give another --out, or "
-            "--overwrite to replace"
+            f"{folder} already holds {list_in_words(other)} with other content, which would be lost; give another "
+            "--out, or --overwrite to replace"
         )

@@ -155,7 +155,7 @@ def design(
     """Choose the positions, or the sequence of turns, that show most within the limits of a rig."""
     from gimbalcal.atomic import write
     from gimbalcal.report.console import groups_table
-    from gimbalcal.report.html import marked
+    from gimbalcal.report.html import with_question
     from gimbalcal.report.plan_page import design_headline, design_report
     from gimbalcal.words.tables import bounds_table
 
@@ -196,7 +196,7 @@ def design(
     if target is not None:
         with output.staged(target.folder) as new:
             write(new / "schedule.toml", text)
-            write(new / "report.html", marked(design_report(plan), target.question))
+            write(new / "report.html", with_question(design_report(plan), target.question))
         output.wrote(target.folder, "schedule.toml")
     output.table(table)
     output.show(plan.to_dict(), design_headline(plan), target)
@@ -271,11 +271,11 @@ def budget(
     """
     from gimbalcal.design.budget import budget as run
     from gimbalcal.report.navigation_page import budget_report
-    from gimbalcal.words.naming import answered
+    from gimbalcal.words.naming import as_sentences
 
     target = output.folder(scenarios, "budget", ("budget.json", "report.html"))
     result = run(scenarios, hours, more, damping, states)
-    page, sentence = partial(budget_report, result), answered(result.in_words)
+    page, sentence = partial(budget_report, result), as_sentences(result.in_words)
     output.deliver(target, "budget.json", result.to_list(), page, sentence)
 
 
@@ -310,7 +310,7 @@ def campaign(
     """
     from gimbalcal.campaign import run_campaign
     from gimbalcal.report.campaign_page import campaign_report
-    from gimbalcal.report.html import marked
+    from gimbalcal.report.html import with_question
     from gimbalcal.words.answers import campaign_answer
 
     files = ("campaign.json", "campaign.parquet", "report.html")
@@ -321,7 +321,7 @@ def campaign(
     try:
         summary = run_campaign(
             scenario, runs, target.folder, workers, scheduler, output.progress, method, seed,
-            lambda result: marked(campaign_report(result), target.question), output.overwrite,
+            lambda result: with_question(campaign_report(result), target.question), output.overwrite,
         )  # fmt: skip
     except KeyboardInterrupt:
         output.progress(f"finished runs are kept in {target.folder}; the same command continues from there")

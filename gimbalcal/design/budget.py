@@ -26,7 +26,7 @@ from gimbalcal.entries import Entry, Json
 from gimbalcal.inference.information import Information, solve
 from gimbalcal.navigate.space_stable_navigator import USUAL, Aids
 from gimbalcal.navigate.stationary_base import ROW
-from gimbalcal.navigate.uncertainty import sensitivity, usual
+from gimbalcal.navigate.uncertainty import sensitivity, usual_references
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import load
@@ -80,9 +80,10 @@ class Budget:
         name, m = self.parameters[first].label.replace(":", " ").replace("_", " "), self.manoeuvres[first]
         most, unseen = self.parts[-1, first], ", which it does not see" if first in self.unseen else ""
         return (
-            f"the calibration leaves {length(self.whole[-1])} of position error (one sigma) in {self.hours[-1]:g} h, "
-            f"the largest part, {length(most)}, by {name}{unseen}; {m.what} would reduce that most, to "
-            f"{length(m.to_m)}"
+            f"the calibration leaves {length_in_words(self.whole[-1])} of position error (one sigma) in "
+            f"{self.hours[-1]:g} h, "
+            f"the largest part, {length_in_words(most)}, by {name}{unseen}; {m.what} would reduce that most, to "
+            f"{length_in_words(m.to_m)}"
         )
 
     def to_list(self) -> list[Json]:
@@ -104,7 +105,7 @@ class Budget:
         return [*rows, {"parameter": "total", "position_error_m_after_h": whole, "share": 1.0}]
 
 
-def length(metres: float) -> str:
+def length_in_words(metres: float) -> str:
     """Return a length in m or km, to three digits.
 
     >>> length(24.31), length(12761.1)
@@ -131,7 +132,7 @@ def budget(
     plan = planned_calibration(plans, states, more, max(hours))
     each = (plan.information, *(m.information for m in plan.manoeuvres))
     every = tuple(dict.fromkeys(p for info in each for p in info.parameters))
-    time, response = position_sensitivity(plan.base, every, usual(plan.base, damping))
+    time, response = position_sensitivity(plan.base, every, usual_references(plan.base, damping))
     D = dict(zip(every, np.moveaxis(response, -1, 0), strict=True))
     own = _Parts.of(plan.information, D, time, hours)
     improved = [_Parts.of(m.information, D, time, hours) for m in plan.manoeuvres]

@@ -26,10 +26,10 @@ from gimbalcal.design.optimal import (
     LawPlan,
     PositionsDesign,
     assessed_design,
+    criterion_value,
     default_terms,
     optimise,
     published,
-    value,
 )
 from gimbalcal.design.rig_positions import PositioningRig, design_parameters, stimulus_of_settings, whitened_rows
 from gimbalcal.earth import HOUR
@@ -78,7 +78,7 @@ def design_learning(
         T = np.sin(2 * np.pi * cycles * (np.arange(count) + 0.5) / count) if warm else np.zeros(count)
         rows, _, confounders = _rows(rig, settings, T, learn, wanted)
         chosen = optimise(rows, count, "D", ~confounders, seed, STARTS)
-        plans[cycles] = settings[chosen], _share(rig, settings[chosen], T, learn, wanted)
+        plans[cycles] = settings[chosen], law_share(rig, settings[chosen], T, learn, wanted)
     best = max(share for _, share in plans.values())
     cycles = next(k for k, (_, share) in plans.items() if share >= NEARLY * best)
     angles, share = plans[cycles]
@@ -87,7 +87,7 @@ def design_learning(
     holds = tuple(Hold(tuple(map(float, a)), hours * HOUR / count) for a in angles)
     schedule = Schedule(f"learn-{'-'.join(learn)}-{count}", rig.platform, holds)
     usual = {
-        s.name: _share(replace(rig, platform=s.platform), s.angles, np.linspace(-1, 1, len(s.holds)), learn, wanted)
+        s.name: law_share(replace(rig, platform=s.platform), s.angles, np.linspace(-1, 1, len(s.holds)), learn, wanted)
         for s in published(rig)
         if s.platform == rig.platform or not set(learn) & set(rig.platform.axis_names)
     }
@@ -96,11 +96,11 @@ def design_learning(
     return replace(plan, law=LawPlan(tuple(learn), share, usual, hours, *sine))
 
 
-def _share(rig: PositioningRig, angles: Array, T: Array, learn: Sequence[str], wanted: Sequence[Parameter]) -> float:
+def law_share(rig: PositioningRig, angles: Array, T: Array, learn: Sequence[str], wanted: Sequence[Parameter]) -> float:
     """Return the share of a law that no confounder imitates in positions of these angles (n, k), in order."""
     rows, law, confounders = _rows(rig, angles, T, learn, wanted)
     own = rows[np.arange(len(angles)), np.arange(len(angles))]
-    joint, alone = (value(own[..., kept], "D", law[kept]) for kept in (np.ones_like(law), ~confounders))
+    joint, alone = (criterion_value(own[..., kept], "D", law[kept]) for kept in (np.ones_like(law), ~confounders))
     return float(np.exp((joint - alone) / law.sum()))
 
 

@@ -20,27 +20,27 @@ class Manoeuvre:
     apply: Callable[[Recording], Recording]
 
 
-def menu(recording: Recording) -> tuple[Manoeuvre, ...]:
+def available_manoeuvres(recording: Recording) -> tuple[Manoeuvre, ...]:
     """Manoeuvres for this kind of recording."""
     hours = float(recording.time[-1] - recording.time[0]) / 3600.0
     if recording.kind.stabilised:
-        return (Manoeuvre("let the run go on as long again", hours, _extended),)
+        return (Manoeuvre("let the run go on as long again", hours, twice_as_long),)
     out = [
-        Manoeuvre("repeat the positions in reversed order", hours, lambda r: repeated(r, reverse=True)),
-        Manoeuvre("wait 6 h and repeat the positions", hours + 6, lambda r: repeated(r, pause=6 * 3600.0)),
-        Manoeuvre("take the positions with gimbals at 30 and 60 degrees", hours, lambda r: repeated(r, share=2 / 3)),
+        Manoeuvre("repeat the positions in reversed order", hours, lambda r: second_pass(r, reverse=True)),
+        Manoeuvre("wait 6 h and repeat the positions", hours + 6, lambda r: second_pass(r, pause=6 * 3600.0)),
+        Manoeuvre("take the positions with gimbals at 30 and 60 degrees", hours, lambda r: second_pass(r, share=2 / 3)),
     ]
     if {"inner", "middle"} <= set(recording.axes("gimbal_angle")):
         words = "repeat the positions with the other gimbal solution"
-        out.append(Manoeuvre(words, hours, lambda r: repeated(r, other=True)))
+        out.append(Manoeuvre(words, hours, lambda r: second_pass(r, other=True)))
     if recording.has("temperature"):
         out.append(
-            Manoeuvre("repeat the positions 6 degC warmer", hours + 2, lambda r: repeated(r, 7200.0, warmer=6.0))
+            Manoeuvre("repeat the positions 6 degC warmer", hours + 2, lambda r: second_pass(r, 7200.0, warmer=6.0))
         )
     return tuple(out)
 
 
-def repeated(
+def second_pass(
     r: Recording, pause: float = 60.0, *, reverse: bool = False, share: float = 1.0, other: bool = False,
     warmer: float = 0.0,
 ) -> Recording:  # fmt: skip
@@ -59,9 +59,9 @@ def repeated(
     return replace(r, time=time, position=position, channels=channels, weight=np.concatenate([r.weight, r.weight]))
 
 
-def _extended(r: Recording) -> Recording:
+def twice_as_long(r: Recording) -> Recording:
     """A static run of twice the length; readouts go on as the Earth turns."""
-    twice, platform = repeated(r, pause=0.0), ("gimbal_angle", "platform")
+    twice, platform = second_pass(r, pause=0.0), ("gimbal_angle", "platform")
     if platform not in r.channels:
         return twice
     turn = EARTH_RATE * (twice.time[len(r.time)] - r.time[0])

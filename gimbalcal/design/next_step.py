@@ -24,7 +24,7 @@ import numpy as np
 
 from gimbalcal.design.position_observability import STATIC_SENSORS, information_at_rest
 from gimbalcal.design.rig_positions import rows_at_rest, stepped_rig
-from gimbalcal.design.turning import bound
+from gimbalcal.design.turning import cramer_rao_sigmas
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import HOUR
 from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, known_effect, parameters
@@ -43,8 +43,8 @@ from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.commands import Hold
 from gimbalcal.units import from_si
 from gimbalcal.views.norm import determined_terms, scaled_by_gravity
-from gimbalcal.views.positions import planned, position_parameters
-from gimbalcal.words.rounding import lasting
+from gimbalcal.views.positions import planned_recording, position_parameters
+from gimbalcal.words.rounding import duration_in_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -185,11 +185,11 @@ def next_step(
     for run in at_rest:
         F += _squared(bench.rows_of_run(run))
     refuse_axes(separate, bench.wanted)
-    interest = np.array([not separate or named(p, separate) for p in bench.wanted])
+    interest = np.array([not separate or is_of_effects(p, separate) for p in bench.wanted])
     target = None if reach is None else bench.sigmas_of(reach)
     candidates = bench.candidates(dwelling[-1].time[-1], step)
     if at_rest:
-        candidates = _with(candidates, bench.longer_runs(at_rest[-1]))
+        candidates = join_candidates(candidates, bench.longer_runs(at_rest[-1]))
     return plan_of(bench.wanted, np.linalg.inv(F), candidates, interest, target, tuple(separate), most)
 
 
@@ -204,7 +204,7 @@ def plan_of(
     weight = interest / scale**2
     if target is not None:
         weight = weight * (now > (REACHED * scale) ** 2)  # what is reached does not count
-    less = decreases(candidates.rows, P)
+    less = variance_decreases(candidates.rows, P)
     worth = less @ weight
     total = float(now @ weight) or 1.0  # nothing counts any more
     rate = worth / candidates.seconds
@@ -231,7 +231,7 @@ def plan_of(
     return NextPlan(tuple(steps), tuple(wanted), np.sqrt(now) * prior, target, separate, known)
 
 
-def decreases(rows: Array, P: Array) -> Array:
+def variance_decreases(rows: Array, P: Array) -> Array:
     """Return the decrease (c, p) of each variance by each candidate's rows (c, k, p)."""
     M = rows @ P
     S = np.eye(rows.shape[1]) + M @ np.swapaxes(rows, 1, 2)
@@ -240,11 +240,11 @@ def decreases(rows: Array, P: Array) -> Array:
 
 def separation(P: Array, wanted: Sequence[Parameter], effects: Sequence[str]) -> float:
     """Return the least expected ln Bayes factor of the effects, EFFECT[:AXIS], at usual size, all others estimated."""
-    own = np.flatnonzero([named(p, effects) for p in wanted])
+    own = np.flatnonzero([is_of_effects(p, effects) for p in wanted])
     return float(max(((1 / np.diag(P)[own] - 1) / 2).min(), 0.0))
 
 
-def named(p: Parameter, effects: Sequence[str]) -> bool:
+def is_of_effects(p: Parameter, effects: Sequence[str]) -> bool:
     """Return whether a parameter is of one of these effects, EFFECT or EFFECT:AXIS."""
     return p.effect in effects or f"{p.effect}:{p.axis}" in effects
 
@@ -254,7 +254,7 @@ def _squared(rows: Array) -> Array:
     return np.asarray(A.T @ A)
 
 
-def _with(one: Candidates, other: Candidates) -> Candidates:
+def join_candidates(one: Candidates, other: Candidates) -> Candidates:
     """Return the candidates of both, rows filled up with zeros."""
     k = max(one.rows.shape[1], other.rows.shape[1])
     rows = [np.pad(c.rows, ((0, 0), (0, k - c.rows.shape[1]), (0, 0))) for c in (one, other)]
@@ -334,7 +334,7 @@ class _Bench:
 
     def sigmas_of(self, schedule: Schedule) -> Array:
         """Return the sigmas (p,) of a published schedule in this noise, for dwells as long as these; SI."""
-        plan = planned(schedule, self.weight, self.like.site)
+        plan = planned_recording(schedule, self.weight, self.like.site)
         if self.known and schedule.platform.axis_names != self.like.platform.axis_names:
             raise InputError(
                 f"{schedule.name} is of the platform {schedule.platform.name} and these dwells are on "
@@ -342,7 +342,7 @@ class _Bench:
             )
         if temperatures := self._temperature():
             plan = plan.with_channels({k: np.full(len(plan.time), v) for k, v in temperatures.items()})
-        return bound(self.rows(plan, self.like).reshape(-1, len(self.wanted))) * np.array(
+        return cramer_rao_sigmas(self.rows(plan, self.like).reshape(-1, len(self.wanted))) * np.array(
             [p.sigma for p in self.wanted]
         )
 
@@ -395,11 +395,11 @@ class _Bench:
             weight = np.full(len(plan.time), self.weight * duration)
             rows = self.rows(replace(plan.with_channels(felt), time=plan.time + end, weight=weight), self.like)
             waiting = WARMING_S if warmer else 0.0
-            extra = f" for {lasting(self.seconds * duration)}" + (f", {warmer:+g} K warmer" if warmer else "")
+            extra = f" for {duration_in_words(self.seconds * duration)}" + (f", {warmer:+g} K warmer" if warmer else "")
             each = Candidates(
                 tuple(w + extra for w in words), turning + waiting + self.seconds * duration, rows, angles, towards
             )
-            out = each if out is None else _with(out, each)
+            out = each if out is None else join_candidates(out, each)
         assert out is not None
         return out
 
@@ -413,7 +413,7 @@ class _Bench:
         rig = stepped_rig(platform, step)
         angles = rig.candidates()
         schedule = Schedule("next", platform, tuple(Hold(tuple(map(float, a)), self.seconds) for a in angles))
-        plan = planned(schedule, site=self.like.site)
+        plan = planned_recording(schedule, site=self.like.site)
         far = np.abs(np.angle(np.exp(1j * (angles - self.like.angles()[-1])))).max(axis=1)
         named = [
             {n: round(float(np.rad2deg(x)), 6) + 0.0 for n, x in zip(platform.axis_names, a, strict=True)}
@@ -455,7 +455,7 @@ def _refuse_other_platforms(recordings: Sequence[Recording], at_rest: Sequence[R
 def refuse_axes(separate: Sequence[str], wanted: Sequence[Parameter]) -> None:
     """Raise InputError for effects to separate of which no parameter is estimated, as of an axis that they lack."""
     for name in separate:
-        if not any(named(p, [name]) for p in wanted):
+        if not any(is_of_effects(p, [name]) for p in wanted):
             effect = name.partition(":")[0]
             axes = alternatives([f"{effect}:{p.axis}" for p in wanted if p.effect == effect and p.axis])
             raise InputError(f"--separate {name}: no such axis is estimated; write {axes or effect}")

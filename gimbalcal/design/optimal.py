@@ -16,7 +16,7 @@ import numpy as np
 
 from gimbalcal.design.budget import PRIOR_SHARE, position_sensitivity
 from gimbalcal.design.position_observability import PredictedSigma, predicted_sigmas
-from gimbalcal.design.rig_positions import PositioningRig, design_parameters, distinct, whitened_rows
+from gimbalcal.design.rig_positions import PositioningRig, design_parameters, distinct_settings, whitened_rows
 from gimbalcal.earth import HOUR, normal_gravity
 from gimbalcal.effects import Parameter
 from gimbalcal.effects.baseline_effects import BASELINE
@@ -61,7 +61,7 @@ def design(
             "navigation)"
         )
     wanted = design_parameters(rig, (*(terms or default_terms(rig)), *separate))
-    settings, rows = distinct(rig.candidates(), rig, wanted)
+    settings, rows = distinct_settings(rig.candidates(), rig, wanted)
     if len(settings) < 2:
         raise InputError(f"the rig {rig.platform.name!r} has no axis that moves gravity: widen its grid of angles")
     interest = np.array([not separate or p.effect in separate for p in wanted])
@@ -114,7 +114,7 @@ def published(rig: PositioningRig) -> tuple[Schedule, ...]:
     return tuple(s for s in SCHEDULES.values() if np.isinf(rig.setting) or s.platform == rig.platform)
 
 
-def assess(
+def assess_schedule(
     schedule: Schedule, rig: PositioningRig, wanted: Sequence[Parameter]
 ) -> tuple[Array, tuple[Unobservable, ...], Array]:
     """Return sigma (p,) in SI, unobservable directions and whitened rows of a schedule with this rig's noise."""
@@ -236,7 +236,7 @@ class PositionsDesign:
     @property
     def unsupported(self) -> list[str]:
         """A sentence for each parameter of the plan whose sigma remains that of its prior."""
-        return unsupported(self.parameters, self.sigma)
+        return parameters_left_at_prior(self.parameters, self.sigma)
 
     @property
     def origin(self) -> str:
@@ -285,13 +285,13 @@ def assessed_design(
     candidates: int, interest: Array | None = None,
 ) -> PositionsDesign:  # fmt: skip
     """Return a schedule with its sigma of each parameter, and compared with others."""
-    sigma, unobservable, rows = assess(schedule, rig, wanted)
+    sigma, unobservable, rows = assess_schedule(schedule, rig, wanted)
     interest = np.ones(len(wanted), dtype=bool) if interest is None else interest
-    others = {s.name: assess(s, rig, wanted) for s in compare}
-    own = value(rows, criterion, interest)
+    others = {s.name: assess_schedule(s, rig, wanted) for s in compare}
+    own = criterion_value(rows, criterion, interest)
     against = {}
     for name, (theirs, _, their_rows) in others.items():
-        other, equal = value(their_rows, criterion, interest), np.sqrt(len(schedule.holds) / len(their_rows))
+        other, equal = criterion_value(their_rows, criterion, interest), np.sqrt(len(schedule.holds) / len(their_rows))
         radius = np.exp((other - own) / (2 * len(sigma))) if criterion == "D" else np.sqrt(own / other)
         each = sigma / theirs * equal  # for equal total time, as sigma falls with its root
         against[name] = ScheduleComparison(
@@ -302,7 +302,7 @@ def assessed_design(
                            {name: s for name, (s, _, _) in others.items()}, against)  # fmt: skip
 
 
-def unsupported(wanted: Sequence[Parameter], sigma: Array) -> list[str]:
+def parameters_left_at_prior(wanted: Sequence[Parameter], sigma: Array) -> list[str]:
     """Return a sentence for each parameter that a planned schedule leaves with the sigma of its prior."""
     return [
         f"{p.label} would be uncertain by {float(from_si(s, p.unit)):.3g} {p.unit}, no better than the "
@@ -323,20 +323,20 @@ def optimise(
     ordered = rows.ndim == 4
     slots = rows if ordered else np.broadcast_to(rows, (count, *rows.shape))
     starts = [
-        _greedy(slots, criterion, interest),
+        greedy_choice(slots, criterion, interest),
         *(rng.integers(0, slots.shape[1], count) for _ in range(number_of_starts - 1)),
     ]
-    improved = [_exchange(slots, chosen, criterion, interest) for chosen in starts]
-    best = max(improved, key=lambda chosen: value(_taken(slots, chosen), criterion, interest))
+    improved = [exchange_choice(slots, chosen, criterion, interest) for chosen in starts]
+    best = max(improved, key=lambda chosen: criterion_value(chosen_rows(slots, chosen), criterion, interest))
     return best if ordered else np.sort(best)
 
 
-def _taken(slots: Array, chosen: Array) -> Array:
+def chosen_rows(slots: Array, chosen: Array) -> Array:
     """Return the rows (count, 3, p) of the candidate that is chosen in each slot (count, c, 3, p)."""
     return np.asarray(slots[np.arange(len(slots)), chosen])
 
 
-def value(rows: Array, criterion: str, interest: Array) -> float:
+def criterion_value(rows: Array, criterion: str, interest: Array) -> float:
     """Return the criterion (larger is better) of positions with rows (n, 3, p)."""
     F = np.eye(rows.shape[-1]) + np.einsum("cip,ciq->pq", rows, rows)
     P = _of_interest(_of_interest(np.linalg.inv(F), interest).T, interest)
@@ -348,7 +348,7 @@ def _of_interest(x: Array, interest: Array) -> Array:
     return np.asarray(x[..., interest] if interest.dtype == bool else x @ interest.T)
 
 
-def gains(rows: Array, F: Array, criterion: str, interest: Array) -> Array:
+def criterion_gains(rows: Array, F: Array, criterion: str, interest: Array) -> Array:
     """Return the gain of the criterion by adding each candidate (c, 3, p) to information F (p, p)."""
     P = np.linalg.inv(F)
     AP = rows @ P
@@ -364,24 +364,24 @@ def gains(rows: Array, F: Array, criterion: str, interest: Array) -> Array:
     return full - np.linalg.slogdet(np.eye(rows.shape[1]) + other @ Pn @ np.swapaxes(other, -1, -2))[1]
 
 
-def _greedy(slots: Array, criterion: str, interest: Array) -> Array:
+def greedy_choice(slots: Array, criterion: str, interest: Array) -> Array:
     F, chosen = np.eye(slots.shape[-1]), []
     for rows in slots:
-        best = int(np.argmax(gains(rows, F, criterion, interest)))
+        best = int(np.argmax(criterion_gains(rows, F, criterion, interest)))
         chosen.append(best)
         F = F + rows[best].T @ rows[best]
     return np.array(chosen)
 
 
-def _exchange(slots: Array, chosen: Array, criterion: str, interest: Array) -> Array:
+def exchange_choice(slots: Array, chosen: Array, criterion: str, interest: Array) -> Array:
     chosen = np.array(chosen)
-    own = _taken(slots, chosen)
+    own = chosen_rows(slots, chosen)
     F = np.eye(slots.shape[-1]) + np.einsum("cip,ciq->pq", own, own)
     for _ in range(MAX_ROUNDS):
         exchanged = False
         for i, rows in enumerate(slots):
             without = F - rows[chosen[i]].T @ rows[chosen[i]]
-            gain = gains(rows, without, criterion, interest)
+            gain = criterion_gains(rows, without, criterion, interest)
             best = int(np.argmax(gain))
             # an exchange must pay by more than rounding, or equal positions would swap for ever
             if gain[best] > gain[chosen[i]] * (1 + 1e-9) + 1e-12:

@@ -38,7 +38,7 @@ from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.file import read_schedule
 from gimbalcal.units import from_si, to_si
-from gimbalcal.views.positions import Noise, planned, position_parameters, view_of_positions
+from gimbalcal.views.positions import Noise, planned_recording, position_parameters, view_of_positions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -185,7 +185,7 @@ def observe(
     calibration estimates; candidates: ids of effects that may be there besides. Raises InputError for unknown ids.
     """
     positions = schedule if isinstance(schedule, Schedule) else read_schedule(schedule)
-    recording = planned(positions)
+    recording = planned_recording(positions)
     calibrated = position_parameters(positions.platform, effects)
     others = _parameters_of(candidates, effects, recording)
     noise = Noise(to_si(force_sigma, "ug"), to_si(angle_sigma, "arcsec"))

@@ -52,7 +52,7 @@ class PositioningRig:
         return np.array(list(product(*(self.grid.get(name, np.zeros(1)) for name in self.platform.axis_names))))
 
 
-def grid(low: float, high: float, step: float) -> Array:
+def angle_grid(low: float, high: float, step: float) -> Array:
     """Return angles [rad] from low through high; a full circle does not repeat its start."""
     n = round((high - low) / step)
     full = np.isclose(high - low, 2 * np.pi)
@@ -72,7 +72,7 @@ def stepped_rig(platform: Platform, step: float, **options: Any) -> PositioningR
 def free_rig(platform: Platform, step: float = np.pi / 4, **options: Any) -> PositioningRig:
     """Return a rig whose axes turn freely in steps of `step` [rad]; a vertical last axis is fixed."""
     turning = platform.axes[:-1] if platform.axes[-1].direction == "z" else platform.axes
-    return PositioningRig(platform, {a.name: grid(-np.pi, np.pi, step) for a in turning}, **options)
+    return PositioningRig(platform, {a.name: angle_grid(-np.pi, np.pi, step) for a in turning}, **options)
 
 
 def rig_of(name: str, step: float, setting: float | None, force: float = 2.0) -> PositioningRig:
@@ -118,7 +118,7 @@ def stimulus_of_settings(settings: Array, rig: PositioningRig) -> Stimulus:
     return stimulus_from_angles(Recording(MULTI_POSITION, "design", rig.platform, site, {}, time, position, channels))
 
 
-def distinct(settings: Array, rig: PositioningRig, wanted: Sequence[Parameter]) -> tuple[Array, Array]:
+def distinct_settings(settings: Array, rig: PositioningRig, wanted: Sequence[Parameter]) -> tuple[Array, Array]:
     """Return settings (c, k) of different information, one of each, and their whitened, prior-scaled rows (c, 3, p)."""
     rows = whitened_rows(settings, rig, wanted)
     F = np.einsum("cip,ciq->cpq", rows, rows).reshape(len(rows), -1)

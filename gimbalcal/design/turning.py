@@ -112,7 +112,7 @@ class TurningExperiment:
 
     def sigma(self, schedule: RotationSchedule) -> Array:
         """Return the Cramer-Rao sigmas (p,) of a schedule in prior sigmas, the velocity known every second."""
-        return bound(self._rows(schedule))
+        return cramer_rao_sigmas(self._rows(schedule))
 
     def _rows(self, schedule: RotationSchedule) -> Array:
         rows = self.stretches(trajectory(schedule)).innovations(self.noise).rows
@@ -135,7 +135,7 @@ class TurningExperiment:
         return np.concatenate(means), np.concatenate(derivatives)
 
 
-def bound(rows: Array) -> Array:
+def cramer_rao_sigmas(rows: Array) -> Array:
     """Return the sigmas (p,) in prior sigmas of whitened, prior-scaled rows (m, p) and the prior."""
     return np.sqrt(np.diag(np.linalg.inv(np.eye(rows.shape[1]) + rows.T @ rows)))
 
@@ -150,12 +150,12 @@ def turning_experiment(
     """
     if not abs(latitude) < 90:
         raise InputError(f"--latitude must be between -90 and 90 deg, got {latitude:g}")
-    recording = unrecorded(np.deg2rad(latitude))
+    recording = rotation_at_place(np.deg2rad(latitude))
     noise = TurningNoise(to_si(force_noise, "ug/sqrt(Hz)"), to_si(rate_noise, "deg/sqrt(h)"), velocity)
     return TurningExperiment(recording, states(state_list, recording.why_not_shown), noise)
 
 
-def unrecorded(latitude: float, height: float = 0.0) -> Recording:
+def rotation_at_place(latitude: float, height: float = 0.0) -> Recording:
     """Return a rotation recording without rows, of a place at `latitude` [rad] and `height` [m]."""
     site = Site(latitude, height, float(normal_gravity(latitude, height)))
     channels = {key: np.zeros(0) for key in CHANNELS}

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gimbalcal.design.turning import StretchModel, TurningExperiment, bound, turning_experiment
+from gimbalcal.design.turning import StretchModel, TurningExperiment, cramer_rao_sigmas, turning_experiment
 from gimbalcal.entries import Entry, Json, plain
 from gimbalcal.errors import InputError, amount
 from gimbalcal.number import Array
@@ -110,7 +110,7 @@ class TurningSearch:
             np.concatenate([np.repeat(getattr(part, name), n, axis=0) for part, n in parts])
             for name in ("time", "Phi", "Psi", "Q")
         ))  # fmt: skip
-        return bound(whole.innovations(self.experiment.noise).rows.reshape(-1, len(self.experiment.wanted)))
+        return cramer_rao_sigmas(whole.innovations(self.experiment.noise).rows.reshape(-1, len(self.experiment.wanted)))
 
     def _still(self, at: Steps, step: float) -> StretchModel:
         """Return the model of a part of a stop, with one update of the velocity."""
@@ -149,7 +149,7 @@ class TurningSearch:
         )
 
 
-def allowed(table: TwoAxisTable, tour: Tour) -> bool:
+def keeps_table_limits(table: TwoAxisTable, tour: Tour) -> bool:
     """Return whether the tour keeps the limits of the table and has no turn of zero."""
     at, limit = list(tour.start), table.limit / table.step * (1 + 1e-9)
     for axis, steps in tour.turns:
@@ -176,8 +176,8 @@ def anneal(
     value_now, current = min(start, key=lambda pair: pair[0])
     value_best, best = value_now, current
     for k in range(tries):
-        tour = changed(current, rng, round(np.pi / search.table.step))
-        if not allowed(search.table, tour) or search.stop(tour) < MIN_STOP_S:
+        tour = neighbouring_tour(current, rng, round(np.pi / search.table.step))
+        if not keeps_table_limits(search.table, tour) or search.stop(tour) < MIN_STOP_S:
             continue
         candidate = value(tour)
         temperature = INITIAL_TEMPERATURE * value_best * (1 - k / tries) ** 2
@@ -191,7 +191,7 @@ def anneal(
     return best, value_best
 
 
-def changed(tour: Tour, rng: np.random.Generator, half: int) -> Tour:
+def neighbouring_tour(tour: Tour, rng: np.random.Generator, half: int) -> Tour:
     """Return a neighbour of a tour: a turn changed, inserted, removed, exchanged or reversed, or another start."""
     turns = list(tour.turns)
     i = int(rng.integers(len(turns)))
@@ -242,7 +242,9 @@ def as_tour(schedule: RotationSchedule, table: TwoAxisTable) -> Tour | None:
     return Tour(start, tuple(turns))
 
 
-def stretched(schedule: RotationSchedule, total: float, table: TwoAxisTable | None = None) -> RotationSchedule:
+def with_total_duration(
+    schedule: RotationSchedule, total: float, table: TwoAxisTable | None = None
+) -> RotationSchedule:
     """Return a schedule with equal stops for which it takes `total` [s]; on a table, at its rate."""
     own = schedule if table is None else replace(schedule, rate=table.rate, ramp=table.ramp)
     moves = tuple(replace(m, stop=None) for m in own.moves)
@@ -284,20 +286,22 @@ def design_turning(
     search = TurningSearch(table, turning_experiment(latitude, state_list, *noise))
     others = {  # in the whole of the time, at its own rate or the table's, the smaller sigmas
         name: np.minimum(
-            *(search.experiment.sigma(stretched(read_rotation(name), table.total, t)) for t in (None, table))
+            *(search.experiment.sigma(with_total_duration(read_rotation(name), table.total, t)) for t in (None, table))
         )
         for name in against
     }
     reference = (
-        np.min([_largest(search, s) for s in others.values()], axis=0) if others else np.ones(len(search.groups))
+        np.min([largest_of_groups(search, s) for s in others.values()], axis=0)
+        if others
+        else np.ones(len(search.groups))
     )
     known = [as_tour(schedule, table) for schedule in (*ROTATIONS.values(), *map(read_rotation, against))]
-    first = [tour for tour in known if tour is not None and allowed(table, tour) and search.stop(tour) > 0]
+    first = [tour for tour in known if tour is not None and keeps_table_limits(table, tour) and search.stop(tour) > 0]
     if not first:
         raise InputError(f"--total {table.total:g} s is too short for a schedule of turns at this rate; give it more")
     tour, _ = anneal(search, first, reference, criterion, tries, seed, progress)
     schedule = search.schedule(tour)
-    sigma, groups = _largest(search, search.experiment.sigma(schedule)), []
+    sigma, groups = largest_of_groups(search, search.experiment.sigma(schedule)), []
     for (name, members), mine, ref in zip(search.groups.items(), sigma, reference, strict=True):
         p = search.experiment.wanted[members[0]]
         unit = float(from_si(p.sigma, p.unit))
@@ -306,7 +310,7 @@ def design_turning(
     return TurnsDesign(schedule, trajectory(schedule).duration, tuple(groups), tuple(others))
 
 
-def _largest(search: TurningSearch, sigma: Array) -> Array:
+def largest_of_groups(search: TurningSearch, sigma: Array) -> Array:
     return np.array([sigma[i].max() for i in search.groups.values()])
 
 

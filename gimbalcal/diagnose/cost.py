@@ -23,7 +23,7 @@ from gimbalcal.effects import CATALOGUE, Effect
 from gimbalcal.effects.effect import lacking
 from gimbalcal.errors import InputError
 from gimbalcal.navigate.stationary_base import ROW, still_base, still_unit
-from gimbalcal.navigate.uncertainty import navigated, uncertain, usual
+from gimbalcal.navigate.uncertainty import navigation_errors, position_uncertainty, usual_references
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording
@@ -86,15 +86,15 @@ def _costs(unit: _Unit) -> Mapping[str, Cost]:
     run, shown = _run(unit)
     if not shown:
         return {}
-    aids = usual(run)
+    aids = usual_references(run)
     raw = None
     if unit.measured:
-        known, raw = (float(navigated(run, c, aids).position.max()) / NAUTICAL_MILE for c in (unit.whole, None))
+        known, raw = (float(navigation_errors(run, c, aids).position.max()) / NAUTICAL_MILE for c in (unit.whole, None))
     else:
-        known = uncertain(run, unit.whole, aids) / NAUTICAL_MILE
+        known = position_uncertainty(run, unit.whole, aids) / NAUTICAL_MILE
     out: dict[str, Cost] = {}
     for effect in shown:
-        without = navigated(run, unit.without(effect), aids)
+        without = navigation_errors(run, unit.without(effect), aids)
         hours, left_out = float(without.time[-1] / 3600), float(without.position.max() / NAUTICAL_MILE)
         out[effect] = Cost(hours, known, left_out, cost_in_words(hours, known, left_out, raw), raw)
     return out

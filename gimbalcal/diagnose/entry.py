@@ -43,7 +43,7 @@ from gimbalcal.recording.columns import SPARSE
 from gimbalcal.recording.joining import refuse_twice
 from gimbalcal.unusual_constants import with_question
 from gimbalcal.views.core import by_triad
-from gimbalcal.views.pointing import nights, read_axes
+from gimbalcal.views.pointing import read_axes, split_nights
 from gimbalcal.words.naming import capitalised
 
 
@@ -196,7 +196,7 @@ def _nights(request: DiagnosisRequest) -> Diagnosis:
     them together.
     """
     diagnosis = _diagnosed_as_one(request)
-    if diagnosis.calibration is None or sum(len(nights(r)) for r in request.recordings) == 1:
+    if diagnosis.calibration is None or sum(len(split_nights(r)) for r in request.recordings) == 1:
         return diagnosis
     effects = (p.effect for p in diagnosis.calibration.parameters)
     usual = (term.partition(":")[0] for term in usual_terms(read_axes(request.recording)))

@@ -39,7 +39,7 @@ def joint_diagnosis(
     words = [*(x.in_words for x in contradictions), answer, *(r for p in parts for r in p.remarks)]
     also = [
         diagnosis_sentences.limits_in_words(limits),
-        diagnosis_sentences.delays(findings),
+        diagnosis_sentences.delay_sentences(findings),
         f"{outcome}." if outcome else "",
         *notes,
     ]
@@ -56,7 +56,7 @@ def joint_diagnosis(
         (*shapes, *(u for x in contradictions for u in x.shapes)),
         replace(lead.fit, views={p.name: p.fit for p in parts}) if len(parts) > 1 else lead.fit, provenance,
         " ".join(filter(None, [*words, *also])), lead.curves,
-        calibration_of(parts, diagnosis_sentences.reservation(lead.verdict, findings, shapes)),
+        calibration_of(parts, diagnosis_sentences.reservation_sentence(lead.verdict, findings, shapes)),
         joined([*(x.in_words for x in contradictions), outcome]),
         laws=tuple(law for p in parts for law in p.laws),
         recommend=next(filter(None, (p.recommend for p in by_weight)), ""), without=refit_without(parts),

@@ -57,10 +57,10 @@ from gimbalcal.diagnose.verdict.verify import known_noise_shifts, residual_rows,
 from gimbalcal.diagnose.view_result import Contradiction, ViewDiagnosis
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
-from gimbalcal.views.core import Fit, View, carried
+from gimbalcal.views.core import Fit, View, effects_of_another_day
 from gimbalcal.views.known_attitude import fit_baseline
 from gimbalcal.words import diagnosis_sentences, law_sentences
-from gimbalcal.words.naming import spaced
+from gimbalcal.words.naming import without_underscores
 
 MAX_CHI2_TO_LINEARISE = 100.0  # reduced chi^2 above which rows are linearised about nominal constants
 
@@ -150,8 +150,8 @@ def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple
 
 def searched(view: View, known: Calibration | None, progress: Progress) -> Search:
     """Compare every cause of the catalogue with what the baseline of a view leaves."""
-    progress(f"fitting the model: {', '.join(spaced(i) for i in view.baseline)} (another: --baseline)")
-    start = carried(known, view.baseline)
+    progress(f"fitting the model: {', '.join(without_underscores(i) for i in view.baseline)} (another: --baseline)")
+    start = effects_of_another_day(known, view.baseline)
     o = scale_to_scatter(fit_baseline(view, start))
     nominal = o.view.kind.stabilised and _misfit(o) > MAX_CHI2_TO_LINEARISE
     if nominal:

@@ -17,7 +17,7 @@ from gimbalcal.method_table import METHODS
 from gimbalcal.methods import calibrate, usual_method
 from gimbalcal.progress import no_progress
 from gimbalcal.recording import Recording
-from gimbalcal.views.core import carried
+from gimbalcal.views.core import effects_of_another_day
 from gimbalcal.words import law_sentences
 
 FILE = "law.py"  # that a diagnosis writes
@@ -58,4 +58,4 @@ def _model(request: DiagnosisRequest, recordings: Sequence[Recording]) -> tuple[
     if start is None:
         return terms, []
     modelled = {p.effect for p in calibrate(recordings, terms=terms, progress=no_progress)[0].parameters}
-    return terms, [e.id for e in carried(start, ()) if e.id not in modelled]
+    return terms, [e.id for e in effects_of_another_day(start, ()) if e.id not in modelled]

@@ -48,7 +48,7 @@ from gimbalcal.recording.dwell import attitudes, in_blocks
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
-from gimbalcal.views.core import View, by_triad, carried
+from gimbalcal.views.core import View, by_triad, effects_of_another_day
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import MAX_FILTERED_STARS, means_of_tracking, outlying_frames
@@ -128,7 +128,7 @@ def known_view(request: DiagnosisRequest, baseline: Sequence[str]) -> View:
     """Return the view of forces at known attitude, whose scatter is seen about the values of a calibration."""
     recording = request.recording
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
-    v = view_at_known_attitude(recording, ids, carried(request.calibration, ids))
+    v = view_at_known_attitude(recording, ids, effects_of_another_day(request.calibration, ids))
     return replace(v, misheld=cache(partial(misheld_positions, recording))) if recording.kind.in_positions else v
 
 
@@ -227,7 +227,7 @@ def single_view(request: DiagnosisRequest) -> View:
         if not turned_in_place(recording):
             return tilting_table(recording, baseline)
         usual = tuple(baseline) or BASELINE["rotation"]
-        known = tuple(e for e in carried(calibration, ()) if e.id not in usual)
+        known = tuple(e for e in effects_of_another_day(calibration, ()) if e.id not in usual)
         return navigation_view(recording, usual, request.progress, known)
     # every term is fitted anew: a calibration says which the model holds
     effects = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()

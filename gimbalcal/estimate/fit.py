@@ -26,7 +26,7 @@ from gimbalcal.estimate.extra_effects import (
 )
 from gimbalcal.estimate.noise_memory import added_by_memory
 from gimbalcal.forward import Rows
-from gimbalcal.inference.algebra import basis
+from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.inference.gauss_newton import MAX_QUADRATIC_STEPS, gauss_newton
 from gimbalcal.inference.information import (
     MIN_SIGNAL_TO_NOISE,
@@ -228,7 +228,7 @@ class ViewsFit:
             return np.inf
         rows = np.concatenate([self.whitened[0], _prior_rows(self.solution.parameters)[0]])
         ordinal, _ = _scales(self.views)
-        return float(_dof(basis(rows, MIN_RELATIVE_SIGNAL)[: len(ordinal)], ordinal, ordinal >= 0).min())
+        return float(_dof(orthonormal_columns(rows, MIN_RELATIVE_SIGNAL)[: len(ordinal)], ordinal, ordinal >= 0).min())
 
     @cached_property
     def left_out(self) -> tuple[tuple[Array, ...], Array]:
@@ -345,7 +345,7 @@ def fit(
         if not np.any(shape > 0):
             return excess
         J, r = rows(x)
-        Q, out = basis(J, MIN_RELATIVE_SIGNAL), excess.copy()
+        Q, out = orthonormal_columns(J, MIN_RELATIVE_SIGNAL), excess.copy()
         e = (r - Q @ (Q.T @ r))[: len(known)]
         free, w = _dof(Q[: len(known)], ordinal, shape > 0), np.where(shape > 0, shape, 1.0)
         for k, nu in enumerate(free):
@@ -454,7 +454,7 @@ def _about(
     J, r, parts = [], [], []
     for v, own, e in zip(views, _own(views, wanted), local or [NONE] * len(views), strict=True):
         rows, columns, misfit = _of_view(v, effects, wanted, x, own, e)
-        part = _Part(v, rows, e if v.local is None or e.size else v.local.zero)
+        part = _Part(v, rows, e if v.local is None or e.size else v.local.zero_values)
         own_columns, groups = part.whitened(columns)
         J.append(own_columns)
         r.append(misfit.ravel() if groups is None else groups[1].rows[1])

@@ -13,7 +13,7 @@ from gimbalcal.effects.loading import loaded_texts
 from gimbalcal.errors import amount
 from gimbalcal.fleet.fleet_summary import FleetSummary, fleet_summary
 from gimbalcal.fleet.unit_recording import BATCH, BatchTask, UnitRecording, entries_of, failed, may_pass, recordings_of
-from gimbalcal.history import FAILURE, StoredResult, keep, kept, refuse_unusable
+from gimbalcal.history import FAILURE, StoredResult, keep, kept_entries, refuse_unusable
 from gimbalcal.history.fleet import Fleet, grade_and_fleet
 from gimbalcal.progress import Progress, no_progress
 
@@ -91,7 +91,7 @@ def _results(
 def _by_key(store: Path) -> dict[str, list[StoredResult]]:
     """Return the entries of batches in a store by their key; those of a recording were added together."""
     by_key: dict[str, list[StoredResult]] = {}
-    for entry in kept(store):
+    for entry in kept_entries(store):
         if key := entry.content.get("provenance", {}).get(BATCH):
             by_key.setdefault(str(key), []).append(entry)
     return by_key

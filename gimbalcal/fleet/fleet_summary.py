@@ -12,8 +12,8 @@ import numpy as np
 
 from gimbalcal.earth import YEAR
 from gimbalcal.entries import Entry
-from gimbalcal.history import DIAGNOSIS, FAILURE, DatedCalibration, StoredResult, dated
-from gimbalcal.history.fleet import SIGNIFICANCE, Distribution, Fleet, fleet, own_estimate, rests_on_fleet, tail
+from gimbalcal.history import DIAGNOSIS, FAILURE, DatedCalibration, StoredResult, dated_calibrations
+from gimbalcal.history.fleet import SIGNIFICANCE, Distribution, Fleet, fleet, normal_tail, own_estimate, rests_on_fleet
 from gimbalcal.units import from_si
 from gimbalcal.words.fleet_sentences import fleet_in_words
 
@@ -140,7 +140,7 @@ def _reports(folder: str, entries: Sequence[StoredResult]) -> list[tuple[UnitRep
     for unit, own in by_unit.items():
         of_kind = {entry.kind: entry.content for entry in reversed(own)}
         diagnosis, failure = of_kind.get(DIAGNOSIS, {}), of_kind.get(FAILURE, {})
-        calibration = next(iter(dated(own)), None)
+        calibration = next(iter(dated_calibrations(own)), None)
         report = UnitReport(
             folder, unit, str(own[0].content["provenance"].get("recorded") or ""),
             calibration.calibration.method if calibration else "",
@@ -162,7 +162,7 @@ def _parameter(d: Distribution, tried: int) -> FleetParameter:
         p.name, p.axis, p.effect, p.unit, len(d.units), mean, mean_sigma, spread, sigma, own,
         float(from_si(slope * YEAR, p.unit)) if known else None,
         float(from_si(slope_sigma * YEAR, p.unit)) if known else None,
-        known and tail(slope, slope_sigma) < SIGNIFICANCE / tried,
+        known and normal_tail(slope, slope_sigma) < SIGNIFICANCE / tried,
         tuple(d.units[i] for i in np.flatnonzero(~d.inside)),
     )  # fmt: skip
 

@@ -27,14 +27,23 @@ product.
 """
 
 from gimbalcal.forward.angles import navigator_attitude_error, nearest_angles
-from gimbalcal.forward.model import accelerometers, attitude, gyroscopes, on_target, predict, rate_of_chain, turning
-from gimbalcal.forward.rows import ANGLES, AXES, Rows, difference, jacobian, linearise, picked
+from gimbalcal.forward.model import (
+    accelerometers,
+    angular_rate,
+    attitude,
+    gyroscopes,
+    on_target,
+    predict,
+    rate_of_chain,
+)
+from gimbalcal.forward.rows import ANGLES, AXES, Rows, difference, jacobian, linearise, wanted_channels
 
 __all__ = [
     "ANGLES",
     "AXES",
     "Rows",
     "accelerometers",
+    "angular_rate",
     "attitude",
     "difference",
     "gyroscopes",
@@ -43,8 +52,7 @@ __all__ = [
     "navigator_attitude_error",
     "nearest_angles",
     "on_target",
-    "picked",
     "predict",
     "rate_of_chain",
-    "turning",
+    "wanted_channels",
 ]

@@ -38,7 +38,7 @@ def gimbal_angles(platform: Platform, C_bp: Array, ideal: Array, error: Array | 
         angle = angle.astype(np.result_type(angle, error))
         angle[..., inner] += error[..., inner]
     for _ in range(2):
-        C, turns = _chain(platform, angle)
+        C, turns = attitude_chain(platform, angle)
         C = C if tilts is None else platform.attitude(angle, tilts)
         rotation, J = small_rotation_vector(C_bp @ np.swapaxes(C, -1, -2)), turns[..., free]
         step = (
@@ -59,7 +59,7 @@ def nearest_angles(platform: Platform, C_bp: Array, start: Array, free: Sequence
     """
     angle = np.array(start, dtype=float)
     for _ in range(MAX_STEPS):
-        C, turns = _chain(platform, angle)
+        C, turns = attitude_chain(platform, angle)
         rotation = small_rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
         step = apply_matrix(np.linalg.pinv(turns[..., free], rcond=MIN_RELATIVE_SINGULAR_VALUE), rotation)
         angle[..., free] += step
@@ -74,7 +74,7 @@ def _symbolic_solve(J: Array, b: Array) -> Array:
     return np.array([list(sympy.Matrix(m).LUsolve(sympy.Matrix(v))) for m, v in zip(J, b, strict=True)], dtype=object)
 
 
-def _chain(platform: Platform, angle: Array) -> tuple[Array, Array]:
+def attitude_chain(platform: Platform, angle: Array) -> tuple[Array, Array]:
     """Return the attitude (n, 3, 3) of untilted axes, and the directions (n, 3, k) in platform axes of their turns."""
     C, turns = np.broadcast_to(np.eye(3), (*angle.shape[:-1], 3, 3)), []
     for i, axis in enumerate(platform.axes):

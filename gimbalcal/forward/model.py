@@ -45,39 +45,39 @@ def sensors(
     return out
 
 
-def _total(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array | float:
+def total_addition(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array | float:
     """Return the sum of what all effects add at one stage (0.0 where none does)."""
     return sum((e.contribution(s) for e in effects if e.stage is stage), start=0.0)
 
 
-def _rotation(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array:
-    tilt = _total(effects, stage, s)
+def stage_rotation(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array:
+    tilt = total_addition(effects, stage, s)
     return np.eye(3) if isinstance(tilt, float) else tilt_rotation(tilt)
 
 
 def block_force(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Return f^p (n, 3) where the encoders say where the platform points; without gimbals the stimulus says it."""
     if not platform.axes:
-        tilt = _total(effects, Stage.PLATFORM, s)
+        tilt = total_addition(effects, Stage.PLATFORM, s)
         return s.force if isinstance(tilt, float) else apply_matrix(tilt_rotation(tilt), s.force)
-    rotation = _rotation(effects, Stage.PLATFORM, s)
+    rotation = stage_rotation(effects, Stage.PLATFORM, s)
     C_np, s = _mount(platform, s, effects)
-    gravity = s.gravity * DOWN + _total(effects, Stage.GRAVITY, s)
+    gravity = s.gravity * DOWN + total_addition(effects, Stage.GRAVITY, s)
     return -apply_matrix(rotation @ C_np, np.broadcast_to(gravity, s.force.shape))
 
 
 def _mount(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> tuple[Array, Stimulus]:
     """Return C_np of a mount whose readouts say where it points, and the stimulus with its true angles."""
-    angle = s.readout + _total(effects, Stage.ENCODER, s)
+    angle = s.readout + total_addition(effects, Stage.ENCODER, s)
     s = s.at(angle=angle)
-    tilts = _total(effects, Stage.AXIS_TILT, s)
+    tilts = total_addition(effects, Stage.AXIS_TILT, s)
     C_bp = platform.attitude(angle, None if isinstance(tilts, float) else tilts)
-    return C_bp @ _rotation(effects, Stage.BASE, s), s
+    return C_bp @ stage_rotation(effects, Stage.BASE, s), s
 
 
 def attitude(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Return C_np (n, 3, 3) of a platform whose readouts say where it points, as these effects make it stand."""
-    return np.asarray(_rotation(effects, Stage.PLATFORM, s) @ _mount(platform, s, effects)[0])
+    return np.asarray(stage_rotation(effects, Stage.PLATFORM, s) @ _mount(platform, s, effects)[0])
 
 
 def _line_of_sight(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
@@ -85,7 +85,7 @@ def _line_of_sight(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -
     aimed = on_target(platform, s).aimed
     C_np, s = _mount(platform, s, effects)
     s = s.at(force=-s.gravity * C_np[..., 2])
-    along = _rotation(effects, Stage.LINE_OF_SIGHT, s)[..., :1, :]
+    along = stage_rotation(effects, Stage.LINE_OF_SIGHT, s)[..., :1, :]
     return {"pointing": ((along @ C_np) @ aimed)[..., 0, :]}
 
 
@@ -105,12 +105,12 @@ def on_target(platform: Platform, s: Stimulus) -> Stimulus:
 def accelerometers(force: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Return the accelerometer outputs (n, 3) [m/s^2] for the specific force f^p (n, 3): Wu et al. (2018), Eq. (6)."""
     s = s.at(force=force)
-    s = s.at(force=s.force + _total(effects, Stage.INPUT_AXIS, s))
-    s = s.at(force=s.force + _total(effects, Stage.SCALE, s))
-    return np.asarray(s.force + _total(effects, Stage.ACCELEROMETER, s))
+    s = s.at(force=s.force + total_addition(effects, Stage.INPUT_AXIS, s))
+    s = s.at(force=s.force + total_addition(effects, Stage.SCALE, s))
+    return np.asarray(s.force + total_addition(effects, Stage.ACCELEROMETER, s))
 
 
-def turning(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_rate: Array) -> Array:
+def angular_rate(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_rate: Array) -> Array:
     r"""Return angular rate (n, 3) [rad/s] of the sensor block against the inertial frame, in its axes.
 
     .. math:: \omega = -\mathrm{vee}(\dot C_n^p {C_n^p}^T) + C_n^p \, \omega_{ie}^n
@@ -120,11 +120,11 @@ def turning(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_
     C_np = _mount(platform, s, effects)[0]
     earth = EARTH_RATE * np.array([cos(required_latitude(s.latitude)), 0.0, -sin(required_latitude(s.latitude))])
     own = rate_of_chain(platform, s, effects, readout_rate)
-    return apply_matrix(_rotation(effects, Stage.PLATFORM, s), own + apply_matrix(C_np, earth + 0 * own))
+    return apply_matrix(stage_rotation(effects, Stage.PLATFORM, s), own + apply_matrix(C_np, earth + 0 * own))
 
 
 def rate_of_chain(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_rate: Array) -> Array:
-    """Return the part of `turning` by which the gimbals turn the sensor block against the base, (n, 3) [rad/s]."""
+    """Return the part of `angular_rate` by which the gimbals turn the sensor block against the base, (n, 3) [rad/s]."""
     C_np = _mount(platform, s, effects)[0]
     moved = _mount(platform, s.at(readout=s.readout + 1j * STEP * readout_rate), effects)[0]
     W = (moved.imag / STEP) @ np.swapaxes(C_np, -1, -2)
@@ -134,9 +134,9 @@ def rate_of_chain(platform: Platform, s: Stimulus, effects: Sequence[Effect], re
 def gyroscopes(rate: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Return the gyroscope outputs (n, 3) [rad/s] for the angular rate (n, 3) of the sensor block."""
     s = s.at(rate=rate)
-    s = s.at(rate=s.rate + _total(effects, Stage.RATE_AXIS, s))
-    s = s.at(rate=s.rate + _total(effects, Stage.RATE_SCALE, s))
-    return np.asarray(s.rate + _total(effects, Stage.GYROSCOPE, s))
+    s = s.at(rate=s.rate + total_addition(effects, Stage.RATE_AXIS, s))
+    s = s.at(rate=s.rate + total_addition(effects, Stage.RATE_SCALE, s))
+    return np.asarray(s.rate + total_addition(effects, Stage.GYROSCOPE, s))
 
 
 def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
@@ -144,18 +144,18 @@ def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]
     L = required_latitude(s.latitude)
     unit = s.force / s.gravity
     phase = arctan2(unit[..., 1], unit[..., 0])
-    drift = _rotation(effects, Stage.PLATFORM, s)
+    drift = stage_rotation(effects, Stage.PLATFORM, s)
     C_np = drift @ navigation_to_platform(phase, L)
-    gravity = s.gravity * DOWN + _total(effects, Stage.GRAVITY, s)
+    gravity = s.gravity * DOWN + total_addition(effects, Stage.GRAVITY, s)
     force = accelerometers(-apply_matrix(C_np, np.broadcast_to(gravity, s.force.shape)), s, effects)
-    C_nb = _rotation(effects, Stage.BASE, s)
+    C_nb = stage_rotation(effects, Stage.BASE, s)
     s = s.at(angle=ideal_angles(platform, phase, L))
-    tilts, off = _total(effects, Stage.AXIS_TILT, s), _total(effects, Stage.ENCODER, s)
+    tilts, off = total_addition(effects, Stage.AXIS_TILT, s), total_addition(effects, Stage.ENCODER, s)
     tilted = None if isinstance(tilts, float) else tilts
     angle = gimbal_angles(platform, C_np @ np.swapaxes(C_nb, -1, -2), s.angle, off, tilted)
     s = s.at(angle=angle)
-    readout = angle - _total(effects, Stage.ENCODER, s)
-    attitude = navigator_attitude_error(platform, force, readout) + _total(effects, Stage.ATTITUDE, s)
+    readout = angle - total_addition(effects, Stage.ENCODER, s)
+    attitude = navigator_attitude_error(platform, force, readout) + total_addition(effects, Stage.ATTITUDE, s)
     return {"specific_force": force, "gimbal_angle": readout, "attitude_error": attitude}
 
 

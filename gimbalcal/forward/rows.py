@@ -99,7 +99,7 @@ class Rows:
         if self.fixed_columns is not None:
             return self.fixed_columns(effect, wanted)
         s, names = self.seen[effect.stage], self.stimulus.axis_names
-        if any(e.spans_rows and e.stage is not effect.stage and _acts(e) for e in self.effects):
+        if any(e.spans_rows and e.stage is not effect.stage and has_size(e) for e in self.effects):
             return self._through_all(effect, wanted)
         if not len(wanted):
             return np.zeros((*self.residual.shape, 0))
@@ -115,7 +115,9 @@ class Rows:
 
         def read(x: Array) -> Array:
             nudged = with_values(effects, wanted, x, self.stimulus.axis_names)
-            return picked(self.platform, predict(self.platform, self.stimulus, nudged, self.kind), self.channels)
+            return wanted_channels(
+                self.platform, predict(self.platform, self.stimulus, nudged, self.kind), self.channels
+            )
 
         X = complex_step(read, values([effect], wanted))
         return self._mapped(X / np.asarray(self.sigma)[..., None])
@@ -164,18 +166,18 @@ def linearise(
         return sensors(block_force(platform, s, effects), s, effects, quantities)
 
     unperturbed = outputs(effects)
-    keys = tuple(channels) if channels is not None else _every(platform, unperturbed)
-    predicted = picked(platform, unperturbed, keys)
+    keys = tuple(channels) if channels is not None else all_outputs(platform, unperturbed)
+    predicted = wanted_channels(platform, unperturbed, keys)
     stimuli: dict[Stage, Stimulus] = {}
     sensitivity: dict[Stage, Array] = {}
     for stage in sorted(stages, key=list(Stage).index):  # a set has another order in every run
         if stage in ONLY_IN and not any(q == ONLY_IN[stage] for q, _ in keys):
             continue
         columns = []
-        shape = _added(stage, platform)
+        shape = shape_of_addition(stage, platform)
         for unit in np.eye(int(np.prod(shape))):
             probe = _PROBES[stage](value=(1j * STEP * unit).reshape(shape), met=stimuli)
-            added = picked(platform, outputs((*effects, probe), stage), keys)
+            added = wanted_channels(platform, outputs((*effects, probe), stage), keys)
             columns.append(added.imag / STEP)
             if stage not in stimuli:
                 break
@@ -205,7 +207,7 @@ def jacobian(
     return {q: full[:, [i for i, key in enumerate(rows.channels) if key[0] == q]] for q in quantities}
 
 
-def _acts(effect: Effect) -> bool:
+def has_size(effect: Effect) -> bool:
     """Return whether any parameter of an effect differs from zero."""
     return any(np.any(np.asarray(getattr(effect, f.name)) != 0) for f in fields(effect) if "sigma" in f.metadata)
 
@@ -217,17 +219,17 @@ def difference(read: Array, predicted: Array, channels: Sequence[Key]) -> Array:
     return np.asarray(np.where(angle, (d + np.pi) % (2 * np.pi) - np.pi, d))
 
 
-def picked(platform: Platform, outputs: Mapping[str, Array], channels: Sequence[Key]) -> Array:
+def wanted_channels(platform: Platform, outputs: Mapping[str, Array], channels: Sequence[Key]) -> Array:
     """Return the wanted channels (n, C) of what `predict` returns."""
     names = platform.axis_names
     return np.stack([outputs[q][:, AXES.get(q, names).index(a)] for q, a in channels], axis=1)
 
 
-def _every(platform: Platform, outputs: Mapping[str, Array]) -> tuple[Key, ...]:
+def all_outputs(platform: Platform, outputs: Mapping[str, Array]) -> tuple[Key, ...]:
     return tuple((q, a) for q in outputs for a in AXES.get(q, platform.axis_names))
 
 
-def _added(stage: Stage, platform: Platform) -> tuple[int, ...]:
+def shape_of_addition(stage: Stage, platform: Platform) -> tuple[int, ...]:
     """Return the shape of what an effect adds to one row at a stage."""
     k = len(platform.axes)
     return {Stage.ENCODER: (k,), Stage.AXIS_TILT: (k, 3)}.get(stage, (3,))

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Readout
-from gimbalcal.calibration.common_readout import common_readout, counted, in_readout
+from gimbalcal.calibration.common_readout import common_readout, in_readout, is_in_counts
 from gimbalcal.calibration.gravity_uncertainty import common_gravity, without_gravity
 from gimbalcal.earth import YEAR
 from gimbalcal.effects import Parameter
@@ -190,7 +190,7 @@ def compare(
     for k, d in enumerate(ordered):
         each = zip(d.calibration.parameters, d.calibration.values, d.calibration.sigmas, strict=True)
         for p, x, sigma in each:
-            zero = abs(x) <= FIXED_VALUE_SIGMAS * sigma and not counted(p, d.calibration.readout)
+            zero = abs(x) <= FIXED_VALUE_SIGMAS * sigma and not is_in_counts(p, d.calibration.readout)
             if sigma > 0 and not zero:  # unobservable parameters keep zero
                 estimated_in.setdefault(p.label, []).append(k)
                 named[p.label] = p
@@ -224,7 +224,7 @@ def _about_one_readout(ordered: Sequence[DatedCalibration]) -> tuple[tuple[Dated
     outputs: dict[str, dict[bool, str]] = {}
     for d in ordered:
         for p in d.calibration.parameters:
-            outputs.setdefault(p.label, {}).setdefault(counted(p, d.calibration.readout), d.name)
+            outputs.setdefault(p.label, {}).setdefault(is_in_counts(p, d.calibration.readout), d.name)
     for label, names in outputs.items():
         if len(names) > 1:
             raise InputError(

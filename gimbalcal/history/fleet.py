@@ -36,8 +36,8 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Readout
-from gimbalcal.calibration.common_readout import common_readout, counted, in_readout
-from gimbalcal.calibration.gravity_uncertainty import scaled, without_gravity
+from gimbalcal.calibration.common_readout import common_readout, in_readout, is_in_counts
+from gimbalcal.calibration.gravity_uncertainty import scale_factor_direction, without_gravity
 from gimbalcal.calibration.provenance import AssumedGrade
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import InputError, amount
@@ -169,7 +169,7 @@ def fleet(by_unit: Mapping[str, DatedCalibration], source: str = "") -> Fleet:
         time = d.date.timestamp() if c.provenance.recorded else np.nan
         for p, x, sigma in zip(c.parameters, c.values, own, strict=True):
             determined = p.label not in undetermined and 0 < sigma < np.inf
-            if determined and counted(p, c.readout) == counted(p, readout):
+            if determined and is_in_counts(p, c.readout) == is_in_counts(p, readout):
                 rows.setdefault(p.label, []).append((unit, time, float(x), float(sigma)))
                 named[p.label] = p
     distributions = _distributions({named[label]: own for label, own in rows.items()})
@@ -214,7 +214,7 @@ def _distribution(p: Parameter, rows: Sequence[UnitEstimate], tried: int) -> Dis
 
 def posterior_of_spread(x: Array, sigma: Array) -> tuple[Array, Array, Array, Array]:
     """Return the posterior (g,) of tau, the mean (g,) and its variance (g,) given it, and the grid (g,) of tau."""
-    tau = _grid(x, sigma)
+    tau = tau_grid(x, sigma)
     posterior, mean, variance = _posterior(x, sigma, tau, without_each=False)
     return posterior[0], mean[0], variance[0], tau
 
@@ -223,14 +223,14 @@ def tail_of_others(x: Array, sigma: Array, inside: Array) -> Array:
     """Return the two-sided tail (n,) of each unit in the distribution of all others that are inside."""
     from scipy.special import erfc
 
-    tau = _grid(x[inside], sigma[inside])
+    tau = tau_grid(x[inside], sigma[inside])
     own = np.where(inside, sigma, np.inf)
     posterior, mean, variance = _posterior(np.where(inside, x, 0.0), own, tau, without_each=True)
     off = np.abs(x[:, None] - mean) / np.sqrt(2 * (variance + tau**2 + sigma[:, None] ** 2))
     return np.asarray((posterior * erfc(off)).sum(axis=1))
 
 
-def _grid(x: Array, sigma: Array) -> Array:
+def tau_grid(x: Array, sigma: Array) -> Array:
     """Return the values (g,) of tau that may be likely."""
     return np.asarray(GRID * (float(x.std()) or float(sigma.min())))
 
@@ -263,7 +263,7 @@ def with_fleet(c: Calibration, known: Fleet, recordings: Sequence[Recording] = (
     known = known.without(recordings)
     given, c = c, in_readout(c, known.readout)
     by_parameter = [
-        known.distributions.get(p.label) if counted(p, c.readout) == counted(p, known.readout) else None
+        known.distributions.get(p.label) if is_in_counts(p, c.readout) == is_in_counts(p, known.readout) else None
         for p in c.parameters
     ]
     if not any(by_parameter):
@@ -277,7 +277,7 @@ def with_fleet(c: Calibration, known: Fleet, recordings: Sequence[Recording] = (
     unusual = [
         i for i, (p, d) in enumerate(zip(c.parameters, by_parameter, strict=True))
         if d is not None and p.label not in undetermined
-        and tail(x[i] - d.mean, float(np.hypot(d.sigma, sigma[i]))) < SIGNIFICANCE / len(by_parameter)
+        and normal_tail(x[i] - d.mean, float(np.hypot(d.sigma, sigma[i]))) < SIGNIFICANCE / len(by_parameter)
     ]  # fmt: skip
     prior = [None if i in unusual else d for i, d in enumerate(by_parameter)]
     used = np.array([d is not None for d in prior])
@@ -297,7 +297,7 @@ def with_fleet(c: Calibration, known: Fleet, recordings: Sequence[Recording] = (
     parameters = tuple(
         p if d is None else replace(p, sigma=d.sigma, mean=d.mean) for p, d in zip(c.parameters, prior, strict=True)
     )
-    u = scaled(c)
+    u = scale_factor_direction(c)
     few = min(len(d.units) for d in prior if d is not None)
     origin = f"{few} units or more of {known.source} are the prior of {used.sum()} of {len(used)} parameters"
     own_sigma = np.sqrt(np.diag(without_gravity(given, gravity_of(given)))).tolist()
@@ -326,11 +326,11 @@ def own_estimate(c: Calibration) -> Calibration:
         effects=with_values(c.effects, c.parameters, x, c.readout.gimbals),
         provenance=c.provenance.with_options(grade=None),
     )
-    u = gravity_of(c) * scaled(own)
+    u = gravity_of(c) * scale_factor_direction(own)
     return replace(own, covariance=np.diag(sigma**2) + np.outer(u, u))
 
 
-def tail(off: float, sigma: float) -> float:
+def normal_tail(off: float, sigma: float) -> float:
     """Return the two-sided tail of a normal distribution."""
     from scipy.special import erfc
 

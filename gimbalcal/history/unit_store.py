@@ -87,8 +87,8 @@ def _insert(base: sqlite3.Connection, entry: StoredResult) -> bool:
     method = str(content.get("method", entry.kind))
     answer = str(content.get("outcome") or content.get("verdict", ""))
     recordings = [r.get("sha256", "") for r in content.get("provenance", {}).get("recordings", ())]
-    of_content = _digest(content)
-    texts = json.dumps(recordings), json.dumps(content), f"{of_content} {_seal(entry, of_content)}"
+    of_content = content_digest(content)
+    texts = json.dumps(recordings), json.dumps(content), f"{of_content} {entry_digest(entry, of_content)}"
     row = (entry.unit, entry.date, entry.kind, method, answer, *texts)
     columns = "(unit, date, kind, method, answer, recordings, content, digest)"
     same = "select 1 from entries where unit = ? and kind = ? and substr(digest, 1, 64) = ?"
@@ -105,7 +105,7 @@ def _insert(base: sqlite3.Connection, entry: StoredResult) -> bool:
     return cursor.rowcount > 0
 
 
-def kept(path: Path, unit: str = "") -> tuple[StoredResult, ...]:
+def kept_entries(path: Path, unit: str = "") -> tuple[StoredResult, ...]:
     """Return entries in order of their dates, of one unit if it is named.
 
     Raises InputError for no store, and for an entry that is not what was kept.
@@ -117,10 +117,10 @@ def kept(path: Path, unit: str = "") -> tuple[StoredResult, ...]:
         try:
             content = json.loads(text)
             entry = StoredResult(unit_, date, kind_, content)
-            of_content = _digest(content)
+            of_content = content_digest(content)
             sound = all(isinstance(word, str) for word in (unit_, date, kind_)) and digest in (
                 of_content,
-                f"{of_content} {_seal(entry, of_content)}",
+                f"{of_content} {entry_digest(entry, of_content)}",
             )
         except (ValueError, TypeError, AttributeError, RecursionError):
             sound = False
@@ -133,14 +133,14 @@ def kept(path: Path, unit: str = "") -> tuple[StoredResult, ...]:
     return tuple(e for e in entries if unit in ("", e.unit))
 
 
-def _digest(content: Json) -> str:
+def content_digest(content: Json) -> str:
     """Return the SHA-256 of a result without its date of computation."""
     provenance = {k: v for k, v in content.get("provenance", {}).items() if k != "created"}
     text = json.dumps({**content, "provenance": provenance}, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _seal(entry: StoredResult, of_content: str) -> str:
+def entry_digest(entry: StoredResult, of_content: str) -> str:
     """Return the SHA-256 of an entry with its unit, date and kind, which stand outside its content."""
     return hashlib.sha256(json.dumps([entry.unit, entry.date, entry.kind, of_content]).encode()).hexdigest()
 
@@ -169,13 +169,13 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
         path.parent.mkdir(parents=True, exist_ok=True)
     base = None
     try:
-        base = sqlite3.connect(_address(path), timeout=WAIT_S, isolation_level=None, uri=True)
+        base = sqlite3.connect(store_uri(path), timeout=WAIT_S, isolation_level=None, uri=True)
         base.execute("begin")  # one look at all of it: another process may be making the tables just now
         mark, version = (base.execute(f"pragma {name}").fetchone()[0] for name in ("application_id", "user_version"))
         empty = mark == 0 and version == 0 and not base.execute("select * from sqlite_master").fetchone()
         base.execute("commit")
         if empty and make:
-            _make(base)
+            create_tables(base)
         elif mark != MARK or version not in READABLE_FORMATS:
             formats = " and ".join(map(str, READABLE_FORMATS))
             what = f"of format {version}, and this version reads {formats}" if mark == MARK else "another program's"
@@ -190,13 +190,13 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
             base.close()
 
 
-def _address(path: Path) -> str:
+def store_uri(path: Path) -> str:
     """Return the URI of a store; where nothing can be written and no writer left a log, one that needs no lock."""
     fixed = not os.access(path.parent, os.W_OK) and path.is_file() and not path.with_name(f"{path.name}-wal").exists()
     return path.absolute().as_uri() + ("?mode=ro&immutable=1" if fixed else "")
 
 
-def _make(base: sqlite3.Connection) -> None:
+def create_tables(base: sqlite3.Connection) -> None:
     """Create the tables, in the first of several processes."""
     until = time.monotonic() + WAIT_S
     while True:  # whoever makes the store at the same time: sqlite does not wait by itself where the mode changes
@@ -237,7 +237,7 @@ class DatedCalibration:
 def dated_file(path: Path) -> DatedCalibration:
     """Read a calibration.json with its date, else that of the file. Raises InputError."""
     calibration = read_calibration(path)
-    return DatedCalibration(str(path), when(calibration.provenance.date, path), calibration)
+    return DatedCalibration(str(path), date_of(calibration.provenance.date, path), calibration)
 
 
 def date_in(provenance: Json) -> str:
@@ -250,7 +250,7 @@ def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], 
 
     Raises InputError where the store holds several units and none is named, or none of this name.
     """
-    entries = kept(path, unit)
+    entries = kept_entries(path, unit)
     units = sorted({e.unit for e in entries})
     if len(units) > 1:
         raise InputError(
@@ -259,18 +259,20 @@ def of_store(path: Path, unit: str = "") -> tuple[tuple[DatedCalibration, ...], 
     if not entries:
         raise InputError(f"{path} holds nothing{f' of {unit}' if unit else ''}")
     diagnoses = tuple((e.date, str(e.content.get("in_words", ""))) for e in entries if e.kind == DIAGNOSIS)
-    return dated(entries), diagnoses
+    return dated_calibrations(entries), diagnoses
 
 
 def calibrations_by_unit(path: Path, wanted: Wanted) -> dict[str, tuple[DatedCalibration, ...]]:
-    """Return the wanted calibrations of every unit in a store, in order of their dates; see `dated`."""
+    """Return the wanted calibrations of every unit in a store, in order of their dates; see `dated_calibrations`."""
     by_unit: dict[str, list[StoredResult]] = {}
-    for e in kept(path):
+    for e in kept_entries(path):
         by_unit.setdefault(e.unit, []).append(e)
-    return {unit: dated(entries, wanted) for unit, entries in by_unit.items()}
+    return {unit: dated_calibrations(entries, wanted) for unit, entries in by_unit.items()}
 
 
-def dated(entries: Iterable[StoredResult], wanted: Wanted = lambda _: True) -> tuple[DatedCalibration, ...]:
+def dated_calibrations(
+    entries: Iterable[StoredResult], wanted: Wanted = lambda _: True
+) -> tuple[DatedCalibration, ...]:
     """Return the wanted calibrations among the entries of one unit, in order of their dates.
 
     Of the same recordings the last computed one is taken, and that of a diagnosis only where there is no other.
@@ -278,7 +280,7 @@ def dated(entries: Iterable[StoredResult], wanted: Wanted = lambda _: True) -> t
     last: dict[tuple[str, ...], DatedCalibration] = {}
     computed = sorted(entries, key=lambda e: str(e.content.get("provenance", {}).get("created") or e.date))
     for e in (e for e in computed if e.is_calibration):
-        entry_calibration = DatedCalibration(e.date, when(e.date), from_dict(e.content))
+        entry_calibration = DatedCalibration(e.date, date_of(e.date), from_dict(e.content))
         if not wanted(entry_calibration.calibration):
             continue
         key = tuple(sorted(entry_calibration.hashes)) or (e.date,)
@@ -291,7 +293,7 @@ def dated(entries: Iterable[StoredResult], wanted: Wanted = lambda _: True) -> t
     return tuple(sorted(last.values(), key=lambda d: d.date))
 
 
-def when(text: str, path: Path | None = None) -> datetime:
+def date_of(text: str, path: Path | None = None) -> datetime:
     """Return a date of ISO 8601, without a zone in UTC; else the date of the file."""
     try:
         date = datetime.fromisoformat(text)

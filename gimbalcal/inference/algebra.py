@@ -31,7 +31,7 @@ def orthonormal(Z: Array, least: float = MIN_SINGULAR_VALUE) -> Array:
     return np.asarray(U[:, S > least])
 
 
-def basis(A: Array, least: float = MIN_RELATIVE_SINGULAR_VALUE) -> Array:
+def orthonormal_columns(A: Array, least: float = MIN_RELATIVE_SINGULAR_VALUE) -> Array:
     """Return an orthonormal basis (R, q) of columns A (R, p), whatever their units.
 
     least: singular value over the largest, of columns of length one, below which a direction is rounding.

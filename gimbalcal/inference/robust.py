@@ -37,7 +37,7 @@ class Weighted(NamedTuple):
     of_rows: Array
 
 
-def huber(y: Array, group: Array, scale: Array) -> Weighted:
+def huber_weights(y: Array, group: Array, scale: Array) -> Weighted:
     """Return the weights of rows y (n, C) in groups of neighbours.
 
     group (n,): ordinal of the group of each row, in order; scale (C,): robust sigma of one row.

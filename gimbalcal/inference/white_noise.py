@@ -19,7 +19,7 @@ import numpy as np
 from gimbalcal.number import Array
 
 
-def differences(
+def scaled_differences(
     x: Iterable[Array], begins: Array, weight: Array, order: int = 3, turn: Iterable[float] = repeat(np.inf)
 ) -> list[Array]:
     """Return differences (m,) of rows of channels (n,) that follow each other, scaled to the noise of one raw sample.
@@ -45,7 +45,7 @@ def white_sigma(x: Array, begins: Array, weight: Array) -> Array:
     From third differences; where no position has four rows from second ones, where none has three from first ones.
     """
     for order in (3, 2, 1):
-        d = np.stack(differences(x.T, begins, weight, order), axis=1)
+        d = np.stack(scaled_differences(x.T, begins, weight, order), axis=1)
         if len(d):
             return np.asarray(np.sqrt(np.mean(d**2, axis=0)))
     return np.zeros(x.shape[1])

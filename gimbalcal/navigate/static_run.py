@@ -26,7 +26,7 @@ from gimbalcal.kinematics import (
     with_phase_of_force,
 )
 from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated
-from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, NavigatorOutput, deviation, navigate
+from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, NavigatorOutput, course_deviation, navigate
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE
@@ -44,20 +44,20 @@ def platform_navigated(recording: Recording, calibration: Calibration | None, ai
     c = navigate(g.time, g.force, g.site, aids)
     own = [x[g.own] for x in (c.time, c.latitude, c.phase, c.height, c.velocity)]
     error = _errors(run, g.site, NavigatorOutput(*own))
-    return Navigated(label, run.time - run.time[0], error, horizontal(error, g.site))
+    return Navigated(label, run.time - run.time[0], error, horizontal_distance(error, g.site))
 
 
 def half_apart(pairs: Sequence[tuple[Recording, Recording]], aids: Aids) -> Array:
     """Return half of the difference of the errors (n, 7, p) of each pair of runs of a base at rest, for small errors.
 
-    Their difference is navigated, of all pairs at once: `space_stable_navigator.deviation`.
+    Their difference is navigated, of all pairs at once: `space_stable_navigator.course_deviation`.
     """
     refuse(pairs[0][0])
     given = [(_navigator_input(plus, aids), _navigator_input(minus, aids)) for plus, minus in pairs]
     half = np.array([np.angle(np.exp(1j * (a.site.phase - b.site.phase))) / 2 for a, b in given])
     force = np.stack([(a.force - b.force) / 2 for a, b in given], axis=-1)
     one = given[0][0]
-    d = deviation(one.time, force, half, one.site, aids)
+    d = course_deviation(one.time, force, half, one.site, aids)
 
     def moved(k: int, way: int) -> Array:
         site = replace(one.site, phase=given[k][0].site.phase - half[k])
@@ -80,7 +80,7 @@ def _errors(run: Recording, site: InertialSite, output: NavigatorOutput) -> Arra
     return error
 
 
-def horizontal(error: Array, site: InertialSite) -> Array:
+def horizontal_distance(error: Array, site: InertialSite) -> Array:
     """Return the distance (n,) [m] of the computed position from the true one."""
     M, N = radii(site.latitude)
     north, east = (M + site.height) * error[:, 0], (N + site.height) * np.cos(site.latitude) * error[:, 1]
@@ -110,7 +110,7 @@ class _NavigatorInput(NamedTuple):
 
 def _navigator_input(run: Recording, aids: Aids) -> _NavigatorInput:
     force = run.triad(FORCE) * (1 + shortening(run)[:, None] * EQUATORIAL)  # means have lost some of a turn
-    return _NavigatorInput(_site(run, aids.alignment), *_filled(run.time - run.time[0], force))
+    return _NavigatorInput(_site(run, aids.alignment), *without_long_steps(run.time - run.time[0], force))
 
 
 def with_inner(recording: Recording) -> Recording:
@@ -131,7 +131,7 @@ def _site(run: Recording, alignment: float) -> InertialSite:
     return InertialSite(required_latitude(run.site.latitude), run.site.height, run.site.gravity, phase)
 
 
-def _filled(time: Array, force: Array) -> tuple[Array, Array, Array]:
+def without_long_steps(time: Array, force: Array) -> tuple[Array, Array, Array]:
     """Return time and force (m, 3) without steps longer than `MAX_STEP_S`, and the indices (n,) of the given rows.
 
     Between rows the force is interpolated in axes that turn with the Earth, in which it hardly changes.

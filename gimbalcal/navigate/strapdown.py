@@ -48,7 +48,7 @@ def strapdown(dt: Array, rate: Array, force: Array, C_bn: Array, velocity: Array
 
     From C_bn (3, 3), velocity (3,) and position (3,), as in `StrapdownStates`, in normal gravity.
     """
-    place = ground(float(position[0]), float(position[2]), None)
+    place = gravity_polynomials(float(position[0]), float(position[2]), None)
     n = len(dt)
     out = StrapdownStates(np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3)))
     out.C_bn[0], out.velocity[0], out.position[0] = C_bn, velocity, position
@@ -56,7 +56,7 @@ def strapdown(dt: Array, rate: Array, force: Array, C_bn: Array, velocity: Array
     return out
 
 
-def aided(
+def aided_strapdown(
     dt: Array, rate: Array, force: Array, C_bn: Array, position: Array, every: Array, damping: float,
     height_loop: float, gravity: float | None = None, velocity: Array | None = None, reference: Array | None = None,
 ) -> StrapdownStates:  # fmt: skip
@@ -70,7 +70,7 @@ def aided(
     ones say: velocity north and east, height (default: it stays where it is). Returned are the states before the first
     interval and after those of `every` (m,), in order.
     """
-    place = ground(float(position[0]), float(position[2]), gravity)
+    place = gravity_polynomials(float(position[0]), float(position[2]), gravity)
     n, m = len(dt), len(every)
     out = StrapdownStates(np.empty((m + 1, 3, 3)), np.empty((m + 1, 3)), np.empty((m + 1, 3)))
     out.C_bn[0], out.velocity[0], out.position[0] = C_bn, np.zeros(3) if velocity is None else velocity, position
@@ -81,12 +81,12 @@ def aided(
     return out
 
 
-def carried(dt: Array, rate: Array) -> Array:
+def integrated_attitudes(dt: Array, rate: Array) -> Array:
     """Return attitudes (n + 1, 3, 3) from body axes to those in which they began, from mean rates (n, 3) [rad/s]
     alone.
     """
     out = np.empty((len(dt) + 1, 3, 3))
-    _carry(*contiguous(dt, rate), out)
+    carry_attitudes(*contiguous(dt, rate), out)
     return out
 
 
@@ -95,7 +95,7 @@ def contiguous(*arrays: Array) -> list[Array]:
     return [np.ascontiguousarray(x, dtype=float) for x in arrays]
 
 
-def ground(latitude: float, height: float, gravity: float | None) -> Array:
+def gravity_polynomials(latitude: float, height: float, gravity: float | None) -> Array:
     """Return the normal gravity as polynomials for the kernels: (g, dg/dlatitude, dg/dheight, latitude, height) where
     one is.
     """
@@ -136,7 +136,7 @@ def _navigate_aided(
 
 
 @compiled
-def _carry(dt: Array, rate: Array, C: Array) -> None:
+def carry_attitudes(dt: Array, rate: Array, C: Array) -> None:
     now = np.eye(3)
     C[0] = now
     for k in range(len(dt)):
@@ -146,7 +146,7 @@ def _carry(dt: Array, rate: Array, C: Array) -> None:
             c = h * h / (6 * (dt[k - 1] + h))
             ox, oy, oz = rate[k - 1, 0] * c, rate[k - 1, 1] * c, rate[k - 1, 2] * c
             ax, ay, az = ax + oy * az - oz * ay, ay + oz * ax - ox * az, az + ox * ay - oy * ax
-        s1, s2, _ = _series(ax * ax + ay * ay + az * az)
+        s1, s2, _ = rotation_series(ax * ax + ay * ay + az * az)
         _turn_right(now, ax, ay, az, s1, s2)
         C[k + 1] = now
 
@@ -171,7 +171,7 @@ def advance(
         sz = ox * by - oy * bx + ux * ay - uy * ax
         ax, ay, az = ax + oy * az - oz * ay, ay + oz * ax - ox * az, az + ox * ay - oy * ax
     t = ax * ax + ay * ay + az * az
-    s1, s2, s3 = _series(t)  # sin x / x, (1 - cos x) / x^2, (1 - sin x / x) / x^2
+    s1, s2, s3 = rotation_series(t)  # sin x / x, (1 - cos x) / x^2, (1 - sin x / x) / x^2
     xx, xy, xz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     yx, yy, yz = ay * xz - az * xy, az * xx - ax * xz, ax * xy - ay * xx
     wx, wy, wz = bx + 2 * xx / 3, by + 2 * xy / 3, bz + 2 * xz / 3  # what the turn of the frame acts on
@@ -213,13 +213,13 @@ def advance(
     v[2] += dd
     _turn_right(C, ax, ay, az, s1, s2)
     t = zn * zn + ze * ze + zd * zd
-    s1, s2, s3 = _series(t)
+    s1, s2, s3 = rotation_series(t)
     _turn_left(C, -zn, -ze, -zd, s1, s2)
     return fn, fe, fd
 
 
 @compiled
-def _series(t: float) -> tuple[float, float, float]:
+def rotation_series(t: float) -> tuple[float, float, float]:
     if t < 0.02:  # the next terms are below 1e-17
         s1 = 1 - t / 6 * (1 - t / 20 * (1 - t / 42 * (1 - t / 72)))
         s2 = 0.5 * (1 - t / 12 * (1 - t / 30 * (1 - t / 56 * (1 - t / 90))))

@@ -36,8 +36,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.kinematics import required_latitude
 from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated
 from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, schuler_rate
-from gimbalcal.navigate.static_run import horizontal
-from gimbalcal.navigate.strapdown import StrapdownStates, aided, carried
+from gimbalcal.navigate.static_run import horizontal_distance
+from gimbalcal.navigate.strapdown import StrapdownStates, aided_strapdown, integrated_attitudes
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dwell import MISSED
@@ -62,7 +62,7 @@ class Intervals:
         return np.repeat(self.dt / pieces, pieces), np.repeat(np.arange(len(self.dt)), pieces)
 
 
-def thinned(recording: Recording, block: float) -> Intervals:
+def thinned_intervals(recording: Recording, block: float) -> Intervals:
     """Return means of up to `block` [s] where the rate is constant, and every row elsewhere or of a driven unit.
 
     A driven unit moves also where it does not turn.
@@ -72,11 +72,11 @@ def thinned(recording: Recording, block: float) -> Intervals:
     usual = run.step
     dt = np.diff(run.time, prepend=run.time[0] - usual)
     _refuse_lost_turns(run, dt, usual)
-    several = 1 if driven(run) else max(1, round(block / usual))
+    several = 1 if has_reference_position(run) else max(1, round(block / usual))
     n = len(dt)
     first = np.arange(0, n, several)
     whole = np.diff(np.append(first, n))
-    steady = _steady(run.triad(RATE), dt, first)
+    steady = has_constant_rate(run.triad(RATE), dt, first)
     alone = steady & np.append(steady[1:], True) & np.append(True, steady[:-1])
     begin = np.concatenate([np.flatnonzero(~np.repeat(alone, whole)), first[alone]])
     begin.sort()
@@ -99,7 +99,7 @@ def _means(run: Recording, dt: Array, begin: Array, steady: bool) -> Intervals:
     return Intervals(rows, length, steady)
 
 
-def _steady(rate: Array, dt: Array, first: Array) -> Array:
+def has_constant_rate(rate: Array, dt: Array, first: Array) -> Array:
     """Return whether the rate is constant in each block (k,), by the angle turned."""
     turned, time = np.cumsum(rate * dt[:, None], axis=0), np.cumsum(dt)
     before, start = turned[first] - rate[first] * dt[first, None], time[first] - dt[first]
@@ -143,7 +143,7 @@ def unit_navigated(recording: Recording, calibration: Calibration | None, aids: 
         recording.instant and calibration is not None
     ):  # nonlinear effects depend on the rate of the instant, not of a mean
         recording, calibration = calibration.apply(recording), None
-    intervals = thinned(recording, MAX_INTERVAL_S)
+    intervals = thinned_intervals(recording, MAX_INTERVAL_S)
     return navigate_intervals(
         intervals, intervals.rows if calibration is None else calibration.apply(intervals.rows), aids, label
     )
@@ -160,38 +160,40 @@ def navigate_intervals(intervals: Intervals, rows: Recording, aids: Aids, label:
             f"{rows.title!r} lasts {end[-1]:.4g} s and is aligned in the first {aids.alignment:g} s of it; give "
             "--alignment minutes that leave something to navigate, and ten rows or more to align with"
         )
-    place = _place(intervals)
+    place = place_function(intervals)
     base = place(end[:first]).mean(axis=0)
     site = InertialSite(base[0], base[2], rows.site.gravity, 0.0)
     at = np.array([site.latitude, 0.0, site.height])
-    C = aligned(dt[:first], rate[:first], force[:first], site, aids)
+    C = aligned_attitude(dt[:first], rate[:first], force[:first], site, aids)
     since = end[first:] - end[first - 1]
     every = np.flatnonzero(np.diff(np.floor(since / OUTPUT_INTERVAL_S + 1e-9), prepend=0.0) > 0)
     every = every if len(every) > 2 else np.arange(len(since))
     reference = np.zeros((len(since), 3))
     reference[:, :2], reference[:, 2] = aids.velocity, place(end[first:])[:, 2] + np.asarray(aids.height)
-    motion = aided(
+    motion = aided_strapdown(
         dt[first:], rate[first:], force[first:], C, at, every, 2 * aids.damping * schuler_rate(site), aids.height_s,
         site.gravity, reference=reference,
     )  # fmt: skip
     error = np.full((len(every) + 1, len(CHANNELS)), np.nan)
     true = place(np.append(end[first - 1], end[first:][every])) - [0.0, base[1], 0.0]
     error[:, :2] = motion.position[:, :2] - true[:, :2]
-    if not driven(rows):
+    if not has_reference_position(rows):
         error[:, 2:4] = motion.velocity[:, :2]
-    if _still(intervals):
+    if is_at_rest(intervals):
         error[:, 4:] = rotation_vector(motion.C_bn @ motion.C_bn[0].T)  # about north, east and down, since the start
-    return Navigated(label, np.append(0.0, since[every]), error, horizontal(error, site), mechanisation="strapdown")
+    return Navigated(
+        label, np.append(0.0, since[every]), error, horizontal_distance(error, site), mechanisation="strapdown"
+    )
 
 
-def aligned(dt: Array, rate: Array, force: Array, site: InertialSite, aids: Aids) -> Array:
+def aligned_attitude(dt: Array, rate: Array, force: Array, site: InertialSite, aids: Aids) -> Array:
     """Return C_bn (3, 3) at the end of intervals in which the unit stayed in its place, whatever it turned through."""
     C = _in_carried_axes(dt, rate, force, site)
     last, damping = np.arange(len(dt)), 0.0
     at = np.array([site.latitude, 0.0, site.height])
 
     def run(start: Array) -> StrapdownStates:
-        return aided(dt, rate, force, start, at, last, damping, aids.height_s, site.gravity)
+        return aided_strapdown(dt, rate, force, start, at, last, damping, aids.height_s, site.gravity)
 
     for _ in range(ALIGNMENT_ITERATIONS):
         motion = run(C)
@@ -209,7 +211,7 @@ def aligned(dt: Array, rate: Array, force: Array, site: InertialSite, aids: Aids
 
 def _in_carried_axes(dt: Array, rate: Array, force: Array, site: InertialSite) -> Array:
     """Return C_bn (3, 3) at the start from the integrals of force and gravity in axes that do not turn."""
-    C = carried(dt, rate)
+    C = integrated_attitudes(dt, rate)
     velocity = np.cumsum(apply_matrix((C[1:] + C[:-1]) / 2, force) * dt[:, None], axis=0)
     t = np.cumsum(dt)
     earth_turn = (t - dt / 2)[:, None] * rate_at(site.latitude)
@@ -218,7 +220,7 @@ def _in_carried_axes(dt: Array, rate: Array, force: Array, site: InertialSite) -
     return rotation_between(velocity, wanted)
 
 
-def _still(intervals: Intervals) -> bool:
+def is_at_rest(intervals: Intervals) -> bool:
     """Return whether a unit is at rest all the time, so that its true attitude is constant."""
     force, rate = intervals.rows.triad(FORCE), intervals.rows.triad(RATE)
     slow = np.linalg.norm(np.average(rate, axis=0, weights=intervals.dt)) < MAX_REST_EARTH_RATES * EARTH_RATE
@@ -241,15 +243,15 @@ def refuse(recording: Recording) -> None:
         recording.triad(quantity)
 
 
-def driven(recording: Recording) -> bool:
+def has_reference_position(recording: Recording) -> bool:
     """Return whether a reference position is logged at each row."""
     return all(recording.has(quantity) for quantity in REFERENCE)
 
 
-def _place(intervals: Intervals) -> Callable[[Array], Array]:
+def place_function(intervals: Intervals) -> Callable[[Array], Array]:
     """Return a function of time [s]: true latitude, longitude and height (n, 3), of the reference or the site."""
     site, end = intervals.rows.site, np.cumsum(intervals.dt)
-    if not driven(intervals.rows):
+    if not has_reference_position(intervals.rows):
         here = np.array([required_latitude(site.latitude), 0.0, site.height])
         return lambda t: np.broadcast_to(here, (len(t), 3))
     reference = [intervals.rows.channels[quantity, ""] for quantity in REFERENCE]

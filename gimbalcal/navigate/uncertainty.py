@@ -19,15 +19,15 @@ from gimbalcal.forward import linearise
 from gimbalcal.kinematics import required_latitude, stimulus_from_angles, stimulus_from_readings
 from gimbalcal.navigate.navigation_errors import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.space_stable_navigator import ALONE, USUAL, Aids, InertialSite
-from gimbalcal.navigate.static_run import half_apart, horizontal, platform_navigated, with_inner
-from gimbalcal.navigate.strapdown_unit import Intervals, navigate_intervals, thinned, unit_navigated
+from gimbalcal.navigate.static_run import half_apart, horizontal_distance, platform_navigated, with_inner
+from gimbalcal.navigate.strapdown_unit import Intervals, navigate_intervals, thinned_intervals, unit_navigated
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, RATE
 
 
-def navigated(
+def navigation_errors(
     recording: Recording, calibration: Calibration | None = None, aids: Aids = USUAL, label: str = NONE
 ) -> Navigated:
     """Return the errors of a navigation, of readings that a calibration corrects if there is one.
@@ -45,7 +45,7 @@ def navigated(
     return unit_navigated(recording, calibration, aids, label)
 
 
-def usual(recording: Recording, damping: float | None = None, alignment: float = USUAL.alignment) -> Aids:
+def usual_references(recording: Recording, damping: float | None = None, alignment: float = USUAL.alignment) -> Aids:
     """Return the references of a navigation; by default a platform is damped and a strapdown unit is not."""
     damped = (ALONE if recording.kind.rotating else USUAL).damping if damping is None else damping
     return Aids(damping=damped, alignment=alignment)
@@ -66,25 +66,29 @@ def before_and_after(
 ) -> tuple[Navigated, ...]:
     """Navigate a recording without and with each labelled calibration, with bands from `samples` draws if any.
 
-    Raises InputError for what cannot be navigated, see `run.navigated`.
+    Raises InputError for what cannot be navigated, see `navigation_errors`.
     """
-    out = [navigated(recording, None, aids, NONE)]
+    out = [navigation_errors(recording, None, aids, NONE)]
     for label, calibration in calibrations:
         progress(f"navigating with {label}")
-        result = navigated(recording, calibration, aids, label)
+        result = navigation_errors(recording, calibration, aids, label)
         if samples:
 
             def drawn(k: int, label: str = label) -> None:
                 if k % PROGRESS_DRAWS == 0:
                     progress(f"navigating with {label}: draw {k} of {samples}")
 
-            linear, sampled = bands(recording, calibration, aids, samples, seed, drawn)
-            result = replace(result, linear=_at(result.time, *linear), sampled=_at(result.time, *sampled))
+            linear, sampled = sigma_bands(recording, calibration, aids, samples, seed, drawn)
+            result = replace(
+                result,
+                linear=interpolated_sigma(result.time, *linear),
+                sampled=interpolated_sigma(result.time, *sampled),
+            )
         out.append(result)
     return tuple(out)
 
 
-def bands(
+def sigma_bands(
     recording: Recording, calibration: Calibration, aids: Aids, samples: int, seed: int,
     drawn: Callable[[int], None] = lambda _: None,
 ) -> tuple[Band, Band]:  # fmt: skip
@@ -96,14 +100,19 @@ def bands(
     """
     thin = _thinned_run(recording)
     time = thin.error(thin.rows, aids).time
-    return (time, _propagated(thin, calibration, aids)), (time, _sampled(thin, calibration, aids, samples, seed, drawn))
+    return (time, propagated_sigma(thin, calibration, aids)), (
+        time,
+        sampled_sigma(thin, calibration, aids, samples, seed, drawn),
+    )
 
 
-def uncertain(recording: Recording, calibration: Calibration, aids: Aids = USUAL) -> float:
+def position_uncertainty(recording: Recording, calibration: Calibration, aids: Aids = USUAL) -> float:
     """Return the largest one sigma of the horizontal position [m] by the uncertainty of a calibration, propagated."""
-    sigma, place = _propagated(_thinned_run(recording), calibration, aids), recording.site
+    sigma, place = propagated_sigma(_thinned_run(recording), calibration, aids), recording.site
     return float(
-        horizontal(sigma, InertialSite(required_latitude(place.latitude), place.height, place.gravity, 0.0)).max()
+        horizontal_distance(
+            sigma, InertialSite(required_latitude(place.latitude), place.height, place.gravity, 0.0)
+        ).max()
     )
 
 
@@ -118,12 +127,12 @@ class _ThinnedRun:
         """Return the errors of the navigation with these readings in place of its own."""
         if self.intervals is not None:
             return navigate_intervals(self.intervals, rows, aids, "")
-        return navigated(rows, None, aids)
+        return navigation_errors(rows, None, aids)
 
 
 def _thinned_run(recording: Recording) -> _ThinnedRun:
     if recording.kind.rotating:
-        intervals = thinned(recording, float(np.ptp(recording.time)) / BAND_ROWS)
+        intervals = thinned_intervals(recording, float(np.ptp(recording.time)) / BAND_ROWS)
         return _ThinnedRun(intervals.rows, intervals)
     rows = recording.select(np.arange(0, len(recording.time), max(1, len(recording.time) // BAND_ROWS)))
     return _ThinnedRun(with_inner(rows), None)
@@ -166,7 +175,7 @@ def _sensitivity(
     return np.stack(odd, axis=-1)
 
 
-def _propagated(thin: _ThinnedRun, calibration: Calibration, aids: Aids) -> Array:
+def propagated_sigma(thin: _ThinnedRun, calibration: Calibration, aids: Aids) -> Array:
     """Return one sigma (m, 7) by the derivative."""
     sigma = calibration.sigmas
     uncertain = np.flatnonzero(sigma > 0)
@@ -178,7 +187,7 @@ def _propagated(thin: _ThinnedRun, calibration: Calibration, aids: Aids) -> Arra
     return np.asarray(np.sqrt(np.maximum(np.einsum("ncp,pq,ncq->nc", D, correlation, D), 0.0)))
 
 
-def _sampled(
+def sampled_sigma(
     thin: _ThinnedRun, calibration: Calibration, aids: Aids, samples: int, seed: int, drawn: Callable[[int], None]
 ) -> Array:
     """Return one sigma (m, 7) of errors with drawn parameters about the one with estimated parameters."""
@@ -198,5 +207,5 @@ def _sampled(
     return np.asarray(np.sqrt(squares / samples))
 
 
-def _at(time: Array, t: Array, sigma: Array) -> Array:
+def interpolated_sigma(time: Array, t: Array, sigma: Array) -> Array:
     return np.stack([np.interp(time, t, column) for column in sigma.T], axis=-1)

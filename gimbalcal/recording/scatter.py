@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from gimbalcal.inference.white_noise import differences
+from gimbalcal.inference.white_noise import scaled_differences
 from gimbalcal.number import Array
 from gimbalcal.recording.record import ANGLES, Key
 
@@ -25,7 +25,7 @@ class Scatter:
         if len(begins) < 4 or not len(x):
             return
         first = slice(ENOUGH)
-        third = differences([c[first] for c in x], begins[first] | ~still[first], weight[first], turn=self.turn)
+        third = scaled_differences([c[first] for c in x], begins[first] | ~still[first], weight[first], turn=self.turn)
         self.squares += [float(d @ d) for d in third]
         self.count += len(third[0])
 

@@ -23,7 +23,7 @@ from gimbalcal.report.parameters import nominal_in_words, rows, stages
 from gimbalcal.report.terms import term_tables
 from gimbalcal.units import from_si, is_raw
 from gimbalcal.words import calibration_sentences, naming
-from gimbalcal.words.rounding import minus, p_value, significant
+from gimbalcal.words.rounding import p_value, printed_number, significant
 
 MIN_CORRELATION = 0.3  # of a pair in the table
 
@@ -46,8 +46,8 @@ def calibration_report(
         "rows": rows(c, truth),
         "with_truth": truth is not None,
         "nominal": nominal_in_words(c.readout),
-        "unobservable": naming.directions(null_directions),
-        "held": naming.directions(u for u in c.unobservable if u not in null_directions),
+        "unobservable": naming.directions_in_words(null_directions),
+        "held": naming.directions_in_words(u for u in c.unobservable if u not in null_directions),
         "lost": c.provenance.lost or "",
         **term_tables(c),
         **sections.night_by_night(c),
@@ -118,7 +118,9 @@ def _correlations(c: Calibration) -> Context:
     R = c.covariance / np.where(sigma > 0, sigma, 1.0) / np.where(sigma > 0, sigma, 1.0)[:, None]
     upper = [(i, j) for i in range(len(labels)) for j in range(i + 1, len(labels)) if abs(R[i, j]) >= MIN_CORRELATION]
     ranked = sorted(upper, key=lambda ij: -abs(R[ij]))[:12]
-    strongest = [{"words": f"{labels[i]} with {labels[j]}", "value": minus(f"{R[i, j]:+.2f}")} for i, j in ranked]
+    strongest = [
+        {"words": f"{labels[i]} with {labels[j]}", "value": printed_number(f"{R[i, j]:+.2f}")} for i, j in ranked
+    ]
     strongest = strongest or [{"words": f"none exceeds {MIN_CORRELATION}", "value": ""}]
     pair = f"{strongest[0]['words']} {strongest[0]['value']}".strip()
     drawn = picture([correlation(labels, R)], f"Correlation matrix of {len(labels)} parameters; strongest: {pair}.")
@@ -132,10 +134,10 @@ def _model(c: Calibration) -> Context:
     numbers = {key: n for n, key in enumerate(keys, 1)}
     effects = []
     for i, card in cards.items():
-        axes = [naming.spaced(p.axis) for p in c.parameters if p.effect == i]
+        axes = [naming.without_underscores(p.axis) for p in c.parameters if p.effect == i]
         effects.append(
             {
-                "words": naming.spaced(i),
+                "words": naming.without_underscores(i),
                 "sentence": (card.__doc__ or "").strip().split("\n\n")[0].replace("\n", " "),
                 "equation": formula(law) or law if (law := _law(card)) else "",
                 "parameters": ", ".join(filter(None, axes)) or "one",
@@ -160,7 +162,7 @@ def _measured(r: Recording) -> Context:
     if site.latitude is not None:
         where.insert(0, f"latitude {np.rad2deg(site.latitude):.4f}°")
     positions = visited_positions(r)
-    visits = f", {naming.counted(positions, 'position')}" if positions else ""
+    visits = f", {naming.number_and_noun(positions, 'position')}" if positions else ""
     duration = float(r.time[-1] - r.time[0])
     facts = [
         ("kind", r.kind + visits),
@@ -212,7 +214,7 @@ def _provenance(c: Calibration, recordings: Sequence[Recording]) -> Context:
     """Return pairs of term and text; the page folds long ones."""
     origin = c.provenance.to_dict()
     given = {k: v for k, v in origin.items() if k not in SHOWN_ELSEWHERE}
-    sources = naming.files(origin, [file for r in recordings for file in r.files])
+    sources = naming.files_behind(origin, [file for r in recordings for file in r.files])
     pairs = [("method", c.method)]
     if noise := c.provenance.noise:
         pairs.append(("noise", _noise_in_words(noise)))

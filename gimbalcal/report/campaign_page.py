@@ -16,7 +16,14 @@ from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.report.parameters import in_sigmas
 from gimbalcal.units import from_si
 from gimbalcal.words import naming
-from gimbalcal.words.answers import campaign_answer, chance, larger_errors, offset_sigmas, with_estimate, with_offset
+from gimbalcal.words.answers import (
+    campaign_answer,
+    larger_errors,
+    offset_sigmas,
+    ratio_interval_by_chance,
+    with_estimate,
+    with_offset,
+)
 from gimbalcal.words.rounding import significant
 
 
@@ -53,7 +60,7 @@ def _facts(c: CampaignSummary, rows: Sequence[ParameterErrors]) -> list[tuple[st
 
 
 def _errors_row(r: ParameterErrors) -> Context:
-    rms, sigma, unit = _printed(r)
+    rms, sigma, unit = printed_row(r)
     return {
         "words": naming.label_in_words(r.parameter),
         "group": r.parameter.partition(":")[0],
@@ -65,7 +72,7 @@ def _errors_row(r: ParameterErrors) -> Context:
     }
 
 
-def _printed(r: ParameterErrors) -> tuple[float, float, str]:
+def printed_row(r: ParameterErrors) -> tuple[float, float, str]:
     """Return RMS error and sigma in the unit in which the parameter is printed."""
     stated = r.unit != "SI"  # of pulses: no parameter of the catalogue
     unit = r.unit if stated else _units().get(r.parameter.partition(":")[0], "1")
@@ -83,7 +90,7 @@ def _units() -> dict[str, str]:
 def _picture(rows: Sequence[ParameterErrors]) -> Picture:
     """Draw the ratio of every parameter, and its interval by chance."""
     ratio = np.array([r.ratio for r in rows])
-    low, high = chance(min(r.runs for r in rows), len(rows))
+    low, high = ratio_interval_by_chance(min(r.runs for r in rows), len(rows))
     ends = np.array([-0.5, len(rows) - 0.5])
     band = Band(np.array([low, high]), ends[[0, 0]], ends[[1, 1]], "grey", "chance")
     marks: list[Mark] = [band, Rule(1.0, "ink", upright=True)]

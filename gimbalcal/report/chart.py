@@ -15,7 +15,7 @@ import numpy as np
 
 from gimbalcal.earth import SOLAR_DAY
 from gimbalcal.number import Array
-from gimbalcal.words.rounding import minus
+from gimbalcal.words.rounding import printed_number
 
 Colour = Literal["c0", "c1", "c2", "c3", "c4", "c5", "grey", "pale", "ink"]
 Shape = Literal["dot", "square", "diamond", "triangle", "ring"]
@@ -119,7 +119,7 @@ class Chart:
     bare: bool = False  # no axes
 
 
-def thin(n: int) -> slice:
+def thinning_slice(n: int) -> slice:
     """Return a slice of n rows that keeps at most `POINTS` of them."""
     return slice(None, None, max(1, -(-n // POINTS)))
 
@@ -149,11 +149,11 @@ def limits(chart: Chart) -> tuple[tuple[float, float], tuple[float, float]]:
             xs, ys = [*xs, m.x], [*ys, m.y]
             if isinstance(m, Points) and m.spread is not None:
                 ys += [m.y - m.spread, m.y + m.spread] if not chart.log_y else []
-    x = _span(xs, chart.log_x, 0.02 if any(isinstance(m, Line) for m in chart.marks) else 0.05)
-    return x, _span(ys, chart.log_y, 0.06)
+    x = value_span(xs, chart.log_x, 0.02 if any(isinstance(m, Line) for m in chart.marks) else 0.05)
+    return x, value_span(ys, chart.log_y, 0.06)
 
 
-def _span(values: Sequence[Array], log: bool, beyond: float) -> tuple[float, float]:
+def value_span(values: Sequence[Array], log: bool, beyond: float) -> tuple[float, float]:
     every = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values]) if values else np.zeros(1)
     every = every[np.isfinite(every)]
     if log:
@@ -184,7 +184,7 @@ def tick_words(values: Sequence[float]) -> list[str]:
     """
     top = max((abs(v) for v in values), default=0.0)
     if top >= 1e6 or 0 < top < 1e-3:
-        return [minus(f"{v:.3g}") for v in values]
+        return [printed_number(f"{v:.3g}") for v in values]
     return [f"{v:,.6g}".replace(",", " ").replace("-", "−") for v in values]
 
 
@@ -207,4 +207,4 @@ def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
 
 
 def _power(v: float) -> str:
-    return f"{v:g}" if 1e-3 <= v < 1e5 else minus(f"{v:.0e}")
+    return f"{v:g}" if 1e-3 <= v < 1e5 else printed_number(f"{v:.0e}")

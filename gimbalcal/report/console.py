@@ -12,7 +12,7 @@ from gimbalcal.words import naming
 from gimbalcal.words.calibration_sentences import calibration_in_words as answer
 from gimbalcal.words.diagnosis_headline import headline
 from gimbalcal.words.rounding import significant
-from gimbalcal.words.tables import NOT_DETERMINED, aligned
+from gimbalcal.words.tables import NOT_DETERMINED, aligned_table
 
 if TYPE_CHECKING:
     from gimbalcal.design.turning_design import TurnsDesign
@@ -23,10 +23,11 @@ if TYPE_CHECKING:
 def parameters_table(c: Calibration) -> str:
     """Return the parameters of a calibration as on the page, and which the data do not determine one by one."""
     table = rows(c, None)
-    fixed = _fixed(c)
+    fixed = fixed_parameters(c)
     terms = terms_in_text(c)
     return "\n".join([
-        *aligned([(r["words"], r["value"], r["sigma"], r["unit"], "*" if r["unobservable"] else "") for r in table]),
+        *aligned_table([(r["words"], r["value"], r["sigma"], r["unit"],
+        "*" if r["unobservable"] else "") for r in table]),
         *([NOT_DETERMINED] if any(r["unobservable"] for r in table) else []),
         *([f"not estimated: {'; '.join(fixed)}"] if fixed else []),
         *(["", terms] if terms else []),
@@ -49,15 +50,15 @@ def headline_and_numbers(d: Diagnosis) -> str:
     return f"{headline(d)}\nIn numbers: {naming.typeset(d.in_words)}"
 
 
-def _fixed(c: Calibration) -> list[str]:
+def fixed_parameters(c: Calibration) -> list[str]:
     """Return what was fixed instead of estimated, with its axes where others of the effect were estimated."""
     labels = {p.label for p in c.parameters}
     estimated = {label.partition(":")[0] for label in labels}
     axes: dict[str, dict[str, None]] = {}
     for label in (label for u in c.unobservable for label in u.direction if label not in labels):
         name, _, axis = label.partition(":")
-        axes.setdefault(name, {})[naming.spaced(axis)] = None
-    return [naming.named(n, ", ".join(of) if n in estimated else "") for n, of in axes.items()]
+        axes.setdefault(name, {})[naming.without_underscores(axis)] = None
+    return [naming.name_in_words(n, ", ".join(of) if n in estimated else "") for n, of in axes.items()]
 
 
 def findings_table(findings: Sequence[Finding]) -> str:
@@ -68,12 +69,12 @@ def findings_table(findings: Sequence[Finding]) -> str:
         for row in estimates(f.parameters):
             table.append((row["words"], row["value"], row["sigma"], row["unit"], remark))
             remark = ""
-    return "\n".join(aligned(table))
+    return "\n".join(aligned_table(table))
 
 
 def groups_table(d: TurnsDesign) -> str:
     """Return the largest sigma of each group of states that a designed schedule of turns determines."""
-    return "\n".join(aligned([
-        (naming.named(g.group), "", significant(g.sigma, 3), naming.unit_in_print(g.unit), "at worst")
+    return "\n".join(aligned_table([
+        (naming.name_in_words(g.group), "", significant(g.sigma, 3), naming.unit_in_print(g.unit), "at worst")
         for g in d.groups
     ]))  # fmt: skip

@@ -28,8 +28,8 @@ from gimbalcal.report.formulas import formula
 from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.report.parameters import estimate, estimates, in_sigmas
 from gimbalcal.words import naming
-from gimbalcal.words.diagnosis_headline import does, headline
-from gimbalcal.words.rounding import minus, p_value, rms, sensible_time, significant
+from gimbalcal.words.diagnosis_headline import finding_sentence, headline
+from gimbalcal.words.rounding import p_value, printed_number, rms, sensible_time, significant
 
 MAX_PANELS = 6
 MIN_P_VALUE = 0.01  # of the residuals; below it they are reported to have a pattern
@@ -69,10 +69,10 @@ def diagnosis_report(d: Diagnosis, title: str = "") -> str:
         "unexplained": [
             {"channel": _channel(u.channel, ""), "shape": naming.as_sentence(u.shape)} for u in d.unexplained
         ],
-        "moved": [_moved(m) for m in d.fit.calibration_moved],
-        "unseen": _undetected(d),
+        "moved": [shift_row(m) for m in d.fit.calibration_moved],
+        "unseen": detection_limit_rows(d),
         "provenance": _provenance(dict(d.provenance)),
-        "sources": naming.files(d.provenance),
+        "sources": naming.files_behind(d.provenance),
         "citations": cite(*dict.fromkeys(key for card in cards for key in card.sources)),
     }
     return render("diagnosis.html", context)
@@ -94,7 +94,7 @@ def panels(curves: Curves, mismatch: Sequence[Mismatch], most: int = 0) -> tuple
     before, after, sigma = (np.asarray(v[ok, i]) for v in (curves.before * scale, curves.after * scale, scale))
     rows = (before, after, sigma)
     time, hours = sensible_time(curves.time[ok] - curves.time[ok].min())
-    out = [_panel(name, unit, f"time [{hours}]", _grouped(time), time, rows)]
+    out = [_panel(name, unit, f"time [{hours}]", groups_in_order(time), time, rows)]
     numbers = np.unique(position := curves.position[ok])
     if 1 < numbers.size <= MAX_POINTS:
         at = [np.flatnonzero(position == number) for number in numbers]
@@ -102,11 +102,11 @@ def panels(curves: Curves, mismatch: Sequence[Mismatch], most: int = 0) -> tuple
         named = tuple(f"{place} {int(number)}" for number in numbers)
         out.insert(0, replace(_panel(name, unit, place, at, position.astype(float), rows), names=named))
     for label, x in curves.against.items():
-        out.append(_panel(name, unit, label, _grouped(x[ok]), x[ok], rows))
-    return tuple(sorted(out, key=_explained, reverse=True)[:most] if most else out)
+        out.append(_panel(name, unit, label, groups_in_order(x[ok]), x[ok], rows))
+    return tuple(sorted(out, key=share_explained, reverse=True)[:most] if most else out)
 
 
-def _grouped(x: Array) -> list[Array]:
+def groups_in_order(x: Array) -> list[Array]:
     """Return groups of rows in order of x, no more than `MAX_POINTS` of them."""
     return [g for g in np.array_split(np.argsort(x, kind="stable"), min(x.size, MAX_POINTS)) if g.size]
 
@@ -121,7 +121,7 @@ def _panel(
     return Panel(name, unit, at, x_label, first, second, spread)
 
 
-def _moved(m: Shift) -> dict[str, str]:
+def shift_row(m: Shift) -> dict[str, str]:
     """Return the change of one calibration parameter by the findings."""
     return {**estimate(m.name, m.axis, m.moved, m.sigma, m.unit), "text": in_sigmas(m.in_sigmas, 1)}
 
@@ -130,13 +130,13 @@ def _law(law: LawResult) -> Context:
     """Return a formula that no catalogue holds: as it is written, its parameters, and the domain of the data."""
     units = {v: naming.unit_in_print(unit) for v, unit in law.units.items()}
     ranges = ((v, *(significant(end, 3) for end in ends)) for v, ends in law.domain.items())
-    domain = (f"{naming.spaced(v)} from {low} to {high} {units[v]}" for v, low, high in ranges)
+    domain = (f"{naming.without_underscores(v)} from {low} to {high} {units[v]}" for v, low, high in ranges)
     return {
-        "where": naming.spaced(f"{law.channel} {law.axis}"),
-        "equation": formula(law.latex), "form": law.form, "domain": minus("; ".join(domain)),
+        "where": naming.without_underscores(f"{law.channel} {law.axis}"),
+        "equation": formula(law.latex), "form": law.form, "domain": printed_number("; ".join(domain)),
         "rows": [{**row, "words": p.name} for row, p in zip(estimates(law.parameters), law.parameters, strict=True)],
         "alternatives": "; ".join(law.alternatives), "with": " --with ".join([*law.beside, law.with_]),
-        "beside": naming.listed([naming.named(*one.split(":")) for one in law.beside]),
+        "beside": naming.list_in_words([naming.name_in_words(*one.split(":")) for one in law.beside]),
     }  # fmt: skip
 
 
@@ -145,7 +145,7 @@ def _law_charts(laws: Sequence[LawResult]) -> list[Chart]:
     return [
         formula_over_variable(
             replace(law.curve, x_label=naming.unit_in_print(law.curve.x_label)),
-            f"formula for {naming.spaced(f'{law.channel} {law.axis}')}", naming.unit_in_print(law.unit),
+            f"formula for {naming.without_underscores(f'{law.channel} {law.axis}')}", naming.unit_in_print(law.unit),
         )
         for law in laws if law.curve is not None
     ]  # fmt: skip
@@ -193,7 +193,7 @@ def _provenance(given: Context) -> list[tuple[str, str]]:
     grade = given.get("grade")
     pairs = [("grade of the unit", naming.typeset(f"{grade['name']}: {grade['from']}"))] if grade else []
     for key, value in given.items():
-        text = minus(f"{value:.3g}") if isinstance(value, float) else naming.as_text(value)
+        text = printed_number(f"{value:.3g}") if isinstance(value, float) else naming.as_text(value)
         if key not in ("recordings", "effects", "grade", "notes") and text:
             pairs.append((PROVENANCE.get(key, str(key).replace("_", " ")), text))
     return pairs
@@ -208,8 +208,8 @@ def _probability(p: float) -> str:
 def _finding_section(f: Finding) -> Context:
     latex = str(stated_law(CATALOGUE[f.effect])["equation"])
     return {
-        "words": naming.named(f.effect, f.axis),
-        "does": does(f),
+        "words": naming.name_in_words(f.effect, f.axis),
+        "does": finding_sentence(f),
         "probability": _probability(f.probability),
         "share": max(0.0, min(100.0, 100 * f.probability)),
         "sigma": f"{significant(f.sigma)} σ",
@@ -217,7 +217,7 @@ def _finding_section(f: Finding) -> Context:
         "equation": formula(latex),
         "latex": latex,
         "rows": estimates(f.parameters),
-        "twins": alternatives([naming.named(t) for t in f.twins]),
+        "twins": alternatives([naming.name_in_words(t) for t in f.twins]),
         "separate_by": naming.typeset(f.separate_by),
         "cost": naming.typeset(f.cost.in_words) if f.cost else "",
     }
@@ -229,7 +229,7 @@ def _mismatch(m: Mismatch) -> dict[str, str]:
     number = "star" if m.channel == "pointing" else "position"
     named = not at or f" {at[0]}" in text  # the sentence names them
     return {
-        "where": "" if named else f"{number}{'s' if len(at) > 1 else ''} {naming.listed(at)}",
+        "where": "" if named else f"{number}{'s' if len(at) > 1 else ''} {naming.list_in_words(at)}",
         "p": p_value(m.p_value),
         "in_words": text,
     }
@@ -245,7 +245,7 @@ def _channel(quantity: str, axis: str) -> str:
     return known.get((quantity, axis), f"{quantity} {axis}".replace("_", " ").strip())
 
 
-def _explained(p: Panel) -> float:
+def share_explained(p: Panel) -> float:
     """Return the share of the misfit that a curve over x explains: the panel with the largest comes first."""
     bins = np.array_split(np.argsort(p.x, kind="stable"), min(12, max(1, p.x.size // 3)))
     edges = np.unique(p.x[[b[0] for b in bins]])
@@ -291,7 +291,7 @@ def on_the_sky(curves: Curves) -> list[Chart]:
 def _before_after(
     panels: Sequence[Panel], findings: Sequence[Finding], skies: Sequence[Chart], laws: Sequence[Chart] = ()
 ) -> Picture:
-    panels = sorted(panels, key=lambda p: (_of_a_cause(p, findings), _explained(p)), reverse=True)[
+    panels = sorted(panels, key=lambda p: (_of_a_cause(p, findings), share_explained(p)), reverse=True)[
         : MAX_PANELS - len(skies) - len(laws)
     ]
     changed = any(p.changed for p in panels)
@@ -307,13 +307,14 @@ def _before_after(
     )
 
 
-def _undetected(d: Diagnosis) -> list[dict[str, str]]:
+def detection_limit_rows(d: Diagnosis) -> list[dict[str, str]]:
     """Return the detection limits of an adequate fit: cause, least size, usual size and unit, of all views."""
     if d.verdict != "adequate":
         return []
     limits = (u for fit in (d.fit.views or {"": d.fit}).values() for u in fit.unseen or ())
     return [
-        {"words": naming.named(u.effect, u.axis), "least": significant(u.least, 2), "usual": significant(u.usual, 2),
+        {"words": naming.name_in_words(u.effect, u.axis), "least": significant(u.least, 2),
+        "usual": significant(u.usual, 2),
          "unit": naming.unit_in_print(u.unit)}
         for u in limits
     ]  # fmt: skip

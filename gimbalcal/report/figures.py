@@ -26,7 +26,7 @@ from gimbalcal.report.chart import (
     Points,
     Rule,
     Words,
-    thin,
+    thinning_slice,
 )
 from gimbalcal.words.rounding import rms, signed, significant
 
@@ -136,7 +136,7 @@ def formula_over_variable(c: LawCurve, title: str, unit: str) -> Chart:
     About it stand partial residuals and, in each part of the domain, what it predicts if it is fitted to the others.
     """
     order = np.argsort(c.x, kind="stable")
-    line = order[thin(len(order))]
+    line = order[thinning_slice(len(order))]
 
     def means(v: Array) -> tuple[Array, Array]:
         shown = order[np.isfinite(v[order])]
@@ -209,7 +209,7 @@ def curves_by_group(
     x: Array, groups: Sequence[tuple[str, Sequence[tuple[str, Array]]]], x_label: str, log: bool = True
 ) -> list[Chart]:
     """Draw a chart for each group (title, lines by name), a colour for each line, over the same x."""
-    few = thin(len(x))
+    few = thinning_slice(len(x))
     return [
         Chart(tuple(Line(x[few], np.asarray(y)[few], COLOURS[i % 6], name, DASHES[i % 6]) for i, (name, y) in
                     enumerate(lines)), title, x_label, log_y=log, height=170)

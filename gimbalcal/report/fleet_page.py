@@ -10,7 +10,7 @@ from gimbalcal.earth import SOLAR_DAY, YEAR
 from gimbalcal.errors import amount
 from gimbalcal.fleet.fleet_summary import FleetParameter, FleetSummary
 from gimbalcal.history.fleet import Distribution, Fleet
-from gimbalcal.report.chart import BLUE, VERMILION, Bars, Chart, Line, Mark, Points, Rule, date_ticks, thin
+from gimbalcal.report.chart import BLUE, VERMILION, Bars, Chart, Line, Mark, Points, Rule, date_ticks, thinning_slice
 from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.report.parameters import common_nominal_in_words, plus_minus
 from gimbalcal.units import from_si
@@ -28,7 +28,7 @@ def fleet_report(f: FleetSummary, known: Fleet) -> str:
     reserved = [r for r in f.reports if not r.failure and (r.outcome or r.verdict != "adequate")]
     context: Context = {
         "title": amount(f.units, "unit"),
-        "answer": naming.answered(f.in_words),
+        "answer": naming.as_sentences(f.in_words),
         "verdict": "fits" if f.ordinary else "reserved" if f.failed < f.recordings else "misfit",
         "facts": _facts(f),
         "prior": prior_in_words(f),
@@ -36,7 +36,7 @@ def fleet_report(f: FleetSummary, known: Fleet) -> str:
         "pictures": [_picture(p, distributions[p.name, p.axis]) for p in ordered],
         "rows": [*map(_row, f.parameters)],
         "outside": [
-            {"unit": o.unit, "words": naming.named(o.name, o.axis), "value": plus_minus(o.value, o.sigma),
+            {"unit": o.unit, "words": naming.name_in_words(o.name, o.axis), "value": plus_minus(o.value, o.sigma),
              "value_unit": naming.unit_in_print(o.value_unit), "fleet": _of_others(f, o.name, o.axis),
              "p": p_value(o.p_value)}
             for o in f.outside
@@ -50,7 +50,9 @@ def fleet_report(f: FleetSummary, known: Fleet) -> str:
 
 def _facts(f: FleetSummary) -> list[tuple[str, str]]:
     facts = [(str(f.recordings), "recordings"), (str(f.failed), "failed")]
-    facts += [(str(count), naming.spaced(verdict.replace("-", " "))) for verdict, count in f.verdicts.items()]
+    facts += [
+        (str(count), naming.without_underscores(verdict.replace("-", " "))) for verdict, count in f.verdicts.items()
+    ]
     return [*facts, (str(len({o.unit for o in f.outside})), "units outside the distribution")]
 
 
@@ -59,7 +61,7 @@ def _row(p: FleetParameter) -> Context:
     if p.drifts and p.trend_per_year is not None and p.trend_sigma is not None:
         trend = plus_minus(p.trend_per_year, p.trend_sigma)
     return {
-        "group": p.name, "words": naming.named(p.name, p.axis),
+        "group": p.name, "words": naming.name_in_words(p.name, p.axis),
         "mean": plus_minus(p.mean, p.mean_sigma), "spread": significant(p.spread, 2),
         "own": significant(p.own_sigma, 2), "unit": naming.unit_in_print(p.unit), "trend": trend,
         "outside": str(len(p.outside)) if p.outside else "none", "units": str(p.units),
@@ -72,7 +74,7 @@ def _of_others(f: FleetSummary, name: str, axis: str) -> str:
 
 
 def _picture(p: FleetParameter, d: Distribution) -> Picture:
-    words, unit = naming.named(p.name, p.axis), naming.unit_in_print(p.unit)
+    words, unit = naming.name_in_words(p.name, p.axis), naming.unit_in_print(p.unit)
     value, sigma = (np.asarray(from_si(x, p.unit), dtype=float) for x in (d.value, d.own_sigma))
     labels = {
         bool(side): [
@@ -116,7 +118,7 @@ def _over_dates(
     """Draw each unit over its date, and the trend where it is significant."""
     days = d.time / SOLAR_DAY
     first, last = float(np.nanmin(days)), float(np.nanmax(days))
-    few = thin(int(d.inside.sum()))
+    few = thinning_slice(int(d.inside.sum()))
     marks: list[Mark] = [
         Points(days[d.inside][few], value[d.inside][few], BLUE, "dot", 2.2, names=labels[True][few]),
         Points(days[~d.inside], value[~d.inside], VERMILION, "diamond", 4.5, names=labels[False]),

@@ -14,7 +14,7 @@ from gimbalcal.report.chart import BLUE, VERMILION, Chart, Line, Mark, Points, R
 from gimbalcal.report.html import Picture, picture, render
 from gimbalcal.report.parameters import common_nominal_in_words, estimate, plus_minus
 from gimbalcal.words import naming
-from gimbalcal.words.rounding import lasting, minus, p_value, significant
+from gimbalcal.words.rounding import duration_in_words, p_value, printed_number, significant
 
 
 def history_report(c: PrintedComparison, diagnoses: Sequence[tuple[str, str]] = ()) -> str:
@@ -22,8 +22,8 @@ def history_report(c: PrintedComparison, diagnoses: Sequence[tuple[str, str]] = 
     calibrations = c.calibrations
     names = _names(calibrations)
     context = {
-        "title": c.unit or naming.counted(len(calibrations), "calibration"),
-        "answer": naming.answered(c.in_words),
+        "title": c.unit or naming.number_and_noun(len(calibrations), "calibration"),
+        "answer": naming.as_sentences(c.in_words),
         "verdict": "fits" if c.agree else "misfit",
         "facts": _facts(c),
         "nominal": common_nominal_in_words(c.to_dict()),
@@ -31,10 +31,15 @@ def history_report(c: PrintedComparison, diagnoses: Sequence[tuple[str, str]] = 
         "rows": [_history_row(p, names) for p in c.parameters],
         "steps": [_step(s, names) for s in c.steps],
         "calibrations": [
-            {"date": _day(one.date), "name": one.name, "method": one.method, "outcome": naming.typeset(one.outcome)}
+            {
+                "date": date_in_print(one.date),
+                "name": one.name,
+                "method": one.method,
+                "outcome": naming.typeset(one.outcome),
+            }
             for one in calibrations
         ],
-        "diagnoses": [{"date": _day(date), "words": naming.typeset(words)} for date, words in diagnoses],
+        "diagnoses": [{"date": date_in_print(date), "words": naming.typeset(words)} for date, words in diagnoses],
     }
     return render("compare.html", context)
 
@@ -42,10 +47,10 @@ def history_report(c: PrintedComparison, diagnoses: Sequence[tuple[str, str]] = 
 def _names(calibrations: Sequence[ComparedCalibration]) -> list[str]:
     """Return dates, with the time of the day where two calibrations are of one day."""
     days = [c.date[:10] for c in calibrations]
-    return [d if days.count(d) == 1 else _day(c.date) for d, c in zip(days, calibrations, strict=True)]
+    return [d if days.count(d) == 1 else date_in_print(c.date) for d, c in zip(days, calibrations, strict=True)]
 
 
-def _day(date: str) -> str:
+def date_in_print(date: str) -> str:
     """Return a date of ISO 8601 as printed; midnight stands for an unknown time.
 
     >>> _day("2026-02-03T00:00:00+00:00"), _day("2026-02-03T14:05:00+00:00")
@@ -61,7 +66,7 @@ def _facts(c: PrintedComparison) -> list[tuple[str, str]]:
     p_values = [s.p_value for s in c.steps if not s.same_recording]
     facts = [
         (str(len(dates)), "calibrations"),
-        (f"{significant(seconds / YEAR, 2)} years" if days > 365 else lasting(seconds), "from first to last"),
+        (f"{significant(seconds / YEAR, 2)} years" if days > 365 else duration_in_words(seconds), "from first to last"),
         (f"{sum(bool(p.jumps) for p in c.parameters)} of {len(c.parameters)}", "parameters that jumped"),
     ]
     if p_values:
@@ -79,7 +84,7 @@ def _history_row(p: PrintedHistory, names: Sequence[str]) -> dict[str, str]:
     return {
         **estimate(p.name, p.axis, p.values[-1], p.sigmas[-1], p.unit),
         "change": plus_minus(change, spread),
-        "in_sigmas": minus(f"{change / spread:+.1f}"),
+        "in_sigmas": printed_number(f"{change / spread:+.1f}"),
         "drift": "" if isnan(p.drift_per_year) else plus_minus(p.drift_per_year, p.drift_sigma),
         "scatter": significant(p.scatter, 2) if p.scatter else "none",
         "remark": "; ".join([*jumps, *outliers, *due]),
@@ -96,18 +101,18 @@ def _pictures(parameters: Sequence[PrintedHistory], calibrations: Sequence[Compa
     """Return a picture of each parameter, those with the largest changes first."""
     dates = [datetime.fromisoformat(c.date) for c in calibrations]
     drawn = []
-    for p in sorted(parameters, key=lambda p: -_moved(p)):
-        words = naming.named(p.name, p.axis)
+    for p in sorted(parameters, key=lambda p: -largest_change(p)):
+        words = naming.name_in_words(p.name, p.axis)
         change = "with a jump" if p.jumps else "with an outlier" if p.outliers else "without a jump"
-        drawn.append(picture(_course(p, dates, words), f"{words} over {len(p.values)} calibrations, {change}."))
+        drawn.append(picture(parameter_chart(p, dates, words), f"{words} over {len(p.values)} calibrations, {change}."))
     return drawn
 
 
-def _moved(p: PrintedHistory) -> float:
+def largest_change(p: PrintedHistory) -> float:
     return float(np.max(np.abs(np.diff(p.values)) / np.hypot(p.sigmas[1:], p.sigmas[:-1])))
 
 
-def _course(p: PrintedHistory, dates: Sequence[datetime], words: str) -> Chart:
+def parameter_chart(p: PrintedHistory, dates: Sequence[datetime], words: str) -> Chart:
     """Draw a parameter over the dates, with two sigmas, and its drift where that is significant."""
     days = np.array([d.timestamp() for d in dates]) / SOLAR_DAY
     t, x, sigma = days[list(p.calibrations)], np.array(p.values), np.array(p.sigmas)

@@ -48,12 +48,12 @@ def render(template: str, context: Context) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["coded"] = coded
+    environment.filters["coded"] = with_code
     common = {"version": gimbalcal.__version__, "script": Markup(_script()), "script_hash": _script_hash(), "date": ""}  # noqa: S704  our own
     return environment.get_template(template).render({**common, **context})
 
 
-def coded(text: str) -> Markup:
+def with_code(text: str) -> Markup:
     """Return a sentence with the text between backticks as code; all else is escaped.
 
     >>> coded("see `gimbalcal apply`, `--with bias:y`, <b>")
@@ -80,7 +80,7 @@ def _script_hash() -> str:
 MARK = '<meta name="gimbalcal-question" content="'
 
 
-def marked(page: str, question: str) -> str:
+def with_question(page: str, question: str) -> str:
     """Return the page with the question it answers in its head, so that the same question may replace it."""
     return page.replace("<head>", f'<head>\n{MARK}{question}">', 1) if question else page
 

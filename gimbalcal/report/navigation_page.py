@@ -6,18 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.design.budget import Budget, length
+from gimbalcal.design.budget import Budget, length_in_words
 from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.navigate.navigation_errors import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.summary import ChannelError, NavigationSummary, PositionError
 from gimbalcal.references import cite
-from gimbalcal.report.chart import COLOURS, DASHES, Band, Chart, Line, Mark, Rule, thin
+from gimbalcal.report.chart import COLOURS, DASHES, Band, Chart, Line, Mark, Rule, thinning_slice
 from gimbalcal.report.figures import tornado
 from gimbalcal.report.html import picture, render
 from gimbalcal.units import from_si
 from gimbalcal.words import naming
 from gimbalcal.words.answers import navigation_answer
-from gimbalcal.words.rounding import minus, sensible_time, significant
+from gimbalcal.words.rounding import printed_number, sensible_time, significant
 
 
 def navigation_report(s: NavigationSummary) -> str:
@@ -28,7 +28,7 @@ def navigation_report(s: NavigationSummary) -> str:
         "title": s.title,
         "answer": navigation_answer(s),
         "verdict": "misfit" if s.increased else "found",
-        "facts": [(f"{s.hours:.3g} h", "navigated"), *map(_fact, s.position)],
+        "facts": [(f"{s.hours:.3g} h", "navigated"), *map(position_fact, s.position)],
         "picture": picture(
             curves(s.runs),
             "Errors of latitude, longitude, velocity, attitude and position over time, for each calibration.",
@@ -54,7 +54,7 @@ def navigation_report(s: NavigationSummary) -> str:
     return render("navigation.html", context)
 
 
-def _fact(p: PositionError) -> tuple[str, str]:
+def position_fact(p: PositionError) -> tuple[str, str]:
     name = "without calibration" if p.calibration == NONE else p.calibration
     return f"{significant(p.max_nmi, 3)} n mile", f"largest position error, {name}"
 
@@ -64,11 +64,12 @@ def _cell(c: ChannelError) -> dict[str, str]:
     sigma = "" if c.sigma_linear is None or c.sigma_sampled is None else (
         f"{significant(c.sigma_linear, 2)} | {significant(c.sigma_sampled, 2)}")  # fmt: skip
     return {"max": significant(c.max, 3), "rms": significant(c.rms, 3), "sigma": sigma,
-            "drift": minus(significant(c.drift_per_day, 2)), "better": _percent(c.improvement_percent)}  # fmt: skip
+            "drift": printed_number(significant(c.drift_per_day, 2)),
+            "better": _percent(c.improvement_percent)}  # fmt: skip
 
 
 def _percent(improvement: float | None) -> str:
-    return "" if improvement is None else minus(f"{improvement:.1f} %")
+    return "" if improvement is None else printed_number(f"{improvement:.1f} %")
 
 
 def curves(runs: Sequence[Navigated]) -> list[Chart]:
@@ -83,7 +84,7 @@ def _channel(runs: Sequence[Navigated], i: int) -> Chart:
     marks: list[Mark] = [Rule(0.0)]
     hours = ""
     for run, colour, dash in zip(runs, ("grey", *COLOURS), ("dashed", *DASHES[:1], *DASHES[2:]), strict=False):
-        few = thin(len(run.time))
+        few = thinning_slice(len(run.time))
         t, hours = sensible_time(run.time[few])
         y = np.asarray(run.position[few] / NAUTICAL_MILE if i < 0 else from_si(run.error[few, i], unit))
         if i >= 0 and run.linear is not None:
@@ -118,16 +119,18 @@ def budget_report(budget: Budget) -> str:
         for i in map(int, budget.order)
     ]
     facts = [
-        (length(m), f"position error in {h:g} h, one sigma") for h, m in zip(budget.hours, budget.whole, strict=True)
+        (length_in_words(m), f"position error in {h:g} h, one sigma")
+        for h, m in zip(budget.hours, budget.whole, strict=True)
     ]
     context = {
         "title": budget.title,
-        "answer": naming.answered(budget.in_words),
+        "answer": naming.as_sentences(budget.in_words),
         "verdict": "found",
         "facts": facts,
         "picture": picture(
-            _tornado(budget),
-            f"Bars: position error by each parameter, {rows[0]['name']} the longest: {length(budget.parts[-1].max())}.",
+            budget_tornado(budget),
+            f"Bars: position error by each parameter, {rows[0]['name']} the longest: "
+            f"{length_in_words(budget.parts[-1].max())}.",
             f"Part of the position error of {budget.hours[-1]:g} h (one sigma) that would vanish if a parameter were "
             "known exactly, and that part after the best manoeuvre for it (orange). The squares of bars add up where "
             "parameters are uncorrelated.",
@@ -141,7 +144,7 @@ def budget_report(budget: Budget) -> str:
     return render("budget.html", context)
 
 
-def _tornado(budget: Budget) -> Chart:
+def budget_tornado(budget: Budget) -> Chart:
     """Draw the position error by parameter, the longest bar on top."""
     shown = [int(i) for i in budget.order if budget.parts[-1, i] > MIN_BAR * budget.parts[-1].max()]
     scale, unit = (1e3, "km") if budget.parts[-1].max() > 1e4 else (1.0, "m")

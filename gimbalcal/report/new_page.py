@@ -14,7 +14,7 @@ from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Points, Wor
 from gimbalcal.report.html import picture, render
 from gimbalcal.units import from_si
 from gimbalcal.words import naming
-from gimbalcal.words.rounding import lasting, sensible_time, significant
+from gimbalcal.words.rounding import duration_in_words, sensible_time, significant
 
 # lines of the header before which notes on the whole recording are written
 HEADED = {"kind": ("kind", "signs", "order", "hours", "sky", "sign", "unit"), "samples": ("samples",),
@@ -23,7 +23,7 @@ NEXT = "Next: correct recording.toml where a guess below is wrong, then `gimbalc
 MAX_NUMBERS = 60  # of dwells; more would overlap
 
 
-def commented(header: str, proposal: Proposal) -> str:
+def commented_header(header: str, proposal: Proposal) -> str:
     """Return recording.toml with a comment on each column that was guessed, and notes on the whole recording."""
     by_key = {(g.quantity, g.axis): (name, g) for name, g in proposal.guesses.items()}
     lines = [
@@ -67,25 +67,26 @@ def proposal_page(proposal: Proposal) -> str:
     return render("new.html", context)
 
 
-def clocked(r: Recording) -> str:
+def duration_and_rate(r: Recording) -> str:
     """Return duration and rate of a recording by its clock."""
     rate = 1 / r.step
-    often = f"at {significant(rate, 3)} Hz" if rate >= 0.5 else f"a row every {lasting(1 / rate)}"
-    return f"{lasting(float(np.ptp(r.time)))} {often}"
+    often = f"at {significant(rate, 3)} Hz" if rate >= 0.5 else f"a row every {duration_in_words(1 / rate)}"
+    return f"{duration_in_words(float(np.ptp(r.time)))} {often}"
 
 
 def _answer(proposal: Proposal, count: int) -> str:
     r = proposal.recording
     if r.kind.stabilised:
         then = "`gimbalcal calibrate` this folder, best together with positions of the same unit."
-        return f"A static run of {clocked(r)}. Next: correct recording.toml where a guess below is wrong, then {then}"
+        about = f"A static run of {duration_and_rate(r)}."
+        return f"{about} Next: correct recording.toml where a guess below is wrong, then {then}"
     if r.kind.rotating:
-        return f"Gyroscopes on a table, {clocked(r)}. {NEXT[:-1]} together with those of the other mountings."
+        return f"Gyroscopes on a table, {duration_and_rate(r)}. {NEXT[:-1]} together with those of the other mountings."
     few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if count < 9 else ""
     faces = " with `--terms bias,scale_factor`, for which six faces suffice" if 6 <= count < 9 else ""
     after = f"`gimbalcal calibrate` this folder{faces}" if in_several_attitudes(r) else "`gimbalcal noise` this folder"
     return (
-        f"{amount(count, 'rest')} found in {lasting(float(np.ptp(r.time)))}.{few} Next: correct "
+        f"{amount(count, 'rest')} found in {duration_in_words(float(np.ptp(r.time)))}.{few} Next: correct "
         f"recording.toml where a guess below is wrong, then {after}."
     )
 
@@ -93,12 +94,12 @@ def _answer(proposal: Proposal, count: int) -> str:
 def _facts(proposal: Proposal, intervals: Sequence[Dwell]) -> list[tuple[str, str]]:
     r = proposal.recording
     if not intervals:
-        return [(lasting(float(np.ptp(r.time))), "logged"), (f"{len(r.time):,}".replace(",", " "), "rows")]
+        return [(duration_in_words(float(np.ptp(r.time))), "logged"), (f"{len(r.time):,}".replace(",", " "), "rows")]
     facts = [(str(len(intervals)), "rests"), (f"{len(r.time):,}".replace(",", " "), "rows")]
     if len(r.time) > len(intervals):  # a row for each rest has no rate
         at_rest = sum(float(r.time[d.stop - 1] - r.time[d.start]) for d in intervals)
         rate = 1 / r.step
-        facts = [(f"{significant(rate, 3)} Hz", "logged"), facts[0], (lasting(at_rest), "at rest"), facts[1]]
+        facts = [(f"{significant(rate, 3)} Hz", "logged"), facts[0], (duration_in_words(at_rest), "at rest"), facts[1]]
     return facts
 
 

@@ -13,7 +13,7 @@ from gimbalcal.report.html import Context, picture, render
 from gimbalcal.words import naming
 from gimbalcal.words.answers import noise_answer
 from gimbalcal.words.naming import unit_in_print
-from gimbalcal.words.rounding import lasting, p_value, pdg, significant
+from gimbalcal.words.rounding import duration_in_words, p_value, pdg_rounded, significant
 
 TITLES = {"specific_force": "Accelerometers", "angular_rate": "Gyroscopes"}
 
@@ -26,12 +26,15 @@ def noise_report(noise: RestNoise, title: str) -> str:
         "answer": noise_answer(noise),
         "verdict": "unexplained" if misfits else "found",
         "facts": [
-            (lasting(noise.seconds), f"at rest, in {naming.counted(noise.rests, 'stretch', 'stretches')}"),
-            *([(lasting(noise.longest_s), "longest rest")] if noise.rests > 1 else []),
+            (
+                duration_in_words(noise.seconds),
+                f"at rest, in {naming.number_and_noun(noise.rests, 'stretch', 'stretches')}",
+            ),
+            *([(duration_in_words(noise.longest_s), "longest rest")] if noise.rests > 1 else []),
             (_rate(noise.rate_hz), "logged"),
         ],
         "picture": picture(
-            [_chart(noise.channels, quantity) for quantity in TITLES if _of(noise.channels, quantity)],
+            [_chart(noise.channels, quantity) for quantity in TITLES if channels_of_quantity(noise.channels, quantity)],
             "Allan deviation over averaging time, logarithmic, with the fitted noise as lines.",
             "Overlapping Allan deviation with one sigma, and the fitted noise: white noise falls with the root of "
             "time, bias instability (times 0.664) is level, random walk rises.",
@@ -45,21 +48,22 @@ def noise_report(noise: RestNoise, title: str) -> str:
 
 
 def _rate(hertz: float) -> str:
-    return f"{hertz:.4g} Hz" if hertz >= 0.1 else f"every {lasting(1 / hertz)}"
+    return f"{hertz:.4g} Hz" if hertz >= 0.1 else f"every {duration_in_words(1 / hertz)}"
 
 
-def _of(channels: Sequence[ChannelNoise], quantity: str) -> list[ChannelNoise]:
+def channels_of_quantity(channels: Sequence[ChannelNoise], quantity: str) -> list[ChannelNoise]:
     return [c for c in channels if c.quantity == quantity]
 
 
 def _chart(channels: Sequence[ChannelNoise], quantity: str) -> Chart:
     marks: list[Mark] = []
-    mine = _of(channels, quantity)
+    mine = channels_of_quantity(channels, quantity)
     for k, c in enumerate(mine):
         colour, tau, y = COLOURS[k % 6], np.array(c.tau_s), np.array(c.deviation)
         label = " ".join(filter(None, [c.axis, c.sensor]))
         names = [
-            f"{label}, {lasting(t)}: {significant(v)} {unit_in_print(c.unit)}" for t, v in zip(tau, y, strict=True)
+            f"{label}, {duration_in_words(t)}: {significant(v)} {unit_in_print(c.unit)}"
+            for t, v in zip(tau, y, strict=True)
         ]
         spread = np.array(c.sigma)
         marks.append(Line(tau, np.array(c.model), colour, dash=DASHES[k % 6]))
@@ -72,7 +76,7 @@ def _noise_row(c: ChannelNoise) -> Context:
     return {
         "name": " ".join(filter(None, [TITLES[c.quantity][:-1].lower(), c.axis, c.sensor])),
         "cells": [_cell(part) for part in (c.white_noise, c.bias_instability, c.random_walk)],
-        "from": lasting(c.fitted_from_s),
+        "from": duration_in_words(c.fitted_from_s),
         "p": p_value(c.p_value),
     }
 
@@ -81,5 +85,5 @@ def _cell(part: Coefficient) -> str:
     unit = unit_in_print(part.unit)
     if not part.significant:
         return f"below {significant(part.below, 2)} {unit}"
-    value, sigma = pdg(part.value, part.sigma)
+    value, sigma = pdg_rounded(part.value, part.sigma)
     return f"{value} ± {sigma} {unit}"

@@ -20,7 +20,7 @@ from gimbalcal.report.figures import AS_BEFORE, dots_by_name
 from gimbalcal.report.html import Context, Picture, picture
 from gimbalcal.units import LARGER_OF_SENSOR, from_si, printed_unit, to_si
 from gimbalcal.words import naming
-from gimbalcal.words.rounding import distinct_from_zero, last_place, minus, pdg, significant
+from gimbalcal.words.rounding import distinct_from_zero, last_place, pdg_rounded, printed_number, significant
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.result import Estimate  # which loads the whole diagnosis
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 def plus_minus(value: float, sigma: float) -> str:
     """Return value ± sigma as printed."""
-    return " ± ".join(map(minus, pdg(value, sigma)))
+    return " ± ".join(map(printed_number, pdg_rounded(value, sigma)))
 
 
 def estimate(name: str, axis: str | None, value: float, sigma: float, unit: str) -> dict[str, str]:
     """Return name, value, sigma and unit of an estimate as printed."""
-    printed, spread = pdg(value, sigma)
-    return {"words": naming.named(name, axis or ""), "value": minus(printed), "sigma": spread,
+    printed, spread = pdg_rounded(value, sigma)
+    return {"words": naming.name_in_words(name, axis or ""), "value": printed_number(printed), "sigma": spread,
             "unit": naming.unit_in_print(unit)}  # fmt: skip
 
 
@@ -73,7 +73,7 @@ def _parameter_row(e: ParameterEstimate, nominal: Counts | None, truth: Mapping[
     own = unit == naming.unit_in_print(p.unit)  # else counted from a nominal value that the same data gave
     return {
         "group": p.name,
-        "words": naming.named(p.name, p.axis) + (", as stated" if e.sigma == 0 else ""),
+        "words": naming.name_in_words(p.name, p.axis) + (", as stated" if e.sigma == 0 else ""),
         "means": naming.typeset(e.in_words) if own and distinct_from_zero(e.value, e.sigma) else "",
         "value": value,
         "sigma": sigma,
@@ -92,7 +92,7 @@ def in_sigmas(x: float, places: int) -> str:
     ('−1.3 σ', '0.0 σ')
     """
     text = f"{x:+.{places}f}"
-    return minus(text if text.strip("+-0.") else text[1:]) + " σ"
+    return printed_number(text if text.strip("+-0.") else text[1:]) + " σ"
 
 
 def as_printed(p: Parameter, value: float, sigma: float, nominal: Counts | None) -> tuple[str, str, str]:
@@ -109,8 +109,8 @@ def as_printed(p: Parameter, value: float, sigma: float, nominal: Counts | None)
             value, sigma, unit = 1e6 * k * (1 + x), 1e6 * abs(k) * dx, "µm/s²/count"
         else:
             value, sigma, unit = zero + x / k, dx / abs(k), "counts"
-    printed, spread = pdg(value, sigma)
-    return minus(printed), spread, unit
+    printed, spread = pdg_rounded(value, sigma)
+    return printed_number(printed), spread, unit
 
 
 def nominal_in_words(readout: Readout) -> str:
@@ -159,30 +159,30 @@ def stages(c: Calibration, truth: Mapping[str, float] | None) -> Context:
     several = len(ours) > 1
     return {
         "stages": [_stage(s, c) for s in c.stages],
-        "stage_names": [_short(s.name) for s in ours] if several else [],
+        "stage_names": [short_name(s.name) for s in ours] if several else [],
         "stage_rows": [_stage_row(p, c, ours, truth) for p in staged],
         "stage_figure": _stage_picture(staged, ours) if several else None,
-        "stage_rest": _elsewhere(p for p in c.parameters if p not in staged) if several else "",
+        "stage_rest": parameters_outside_stages(p for p in c.parameters if p not in staged) if several else "",
         "coefficients": [_coefficients(s) for s in c.stages if s.labels and s not in ours],
     }
 
 
-def _elsewhere(parameters: Iterable[Parameter]) -> str:
+def parameters_outside_stages(parameters: Iterable[Parameter]) -> str:
     """Return a sentence on the parameters that no stage lists; empty where there are none."""
-    names = dict.fromkeys(naming.named(p.name) for p in parameters)
-    return f"Estimated in one step, outside these stages: {naming.listed(list(names))}." if names else ""
+    names = dict.fromkeys(naming.name_in_words(p.name) for p in parameters)
+    return f"Estimated in one step, outside these stages: {naming.list_in_words(list(names))}." if names else ""
 
 
-def _short(name: str) -> str:
-    return naming.spaced(name).replace("system level: ", "")
+def short_name(name: str) -> str:
+    return naming.without_underscores(name).replace("system level: ", "")
 
 
 def _stage_picture(parameters: Sequence[Parameter], stages: Sequence[StageResult]) -> Picture:
-    ratios = {_short(s.name): np.array([s.sigma_of(p.label) / p.sigma for p in parameters]) for s in stages}
+    ratios = {short_name(s.name): np.array([s.sigma_of(p.label) / p.sigma for p in parameters]) for s in stages}
     return picture(
         dots_by_name([naming.label_in_words(p.label) for p in parameters], ratios,
                      "σ / prior σ (left: better known)", "of its prior σ", [AS_BEFORE]),
-        f"Sigma of each parameter after each of {naming.counted(len(stages), 'stage')}, relative to its prior.",
+        f"Sigma of each parameter after each of {naming.number_and_noun(len(stages), 'stage')}, relative to its prior.",
         "Uncertainty after each stage, relative to the prior.",
     )  # fmt: skip
 
@@ -190,9 +190,13 @@ def _stage_picture(parameters: Sequence[Parameter], stages: Sequence[StageResult
 def _coefficients(s: StageResult) -> Context:
     """Return the combined coefficients that a stage estimates instead of parameters, in microradians."""
     rows = [estimate(name, "", float(from_si(value, "urad")), float(from_si(sigma, "urad")), "urad")
-            | {"words": naming.spaced(name)}  # phi_0 is also the name of a parameter
+            | {"words": naming.without_underscores(name)}  # phi_0 is also the name of a parameter
             for name, value, sigma in zip(s.labels, s.values, s.sigmas, strict=True)]  # fmt: skip
-    return {"name": _short(s.name), "rows": rows, "picture": None if s.history is None else _convergence(s, s.history)}
+    return {
+        "name": short_name(s.name),
+        "rows": rows,
+        "picture": None if s.history is None else _convergence(s, s.history),
+    }
 
 
 def _convergence(s: StageResult, h: StageHistory) -> Picture:
@@ -205,11 +209,11 @@ def _convergence(s: StageResult, h: StageHistory) -> Picture:
         t, x, sigma = hours[known], np.asarray(x)[known], sigma[known]
         charts.append(Chart(
             (Band(t, x - sigma, x + sigma, BLUE, "one σ"), Line(t, x, BLUE, "estimate"), Rule(last)),
-            naming.spaced(name), "time [h]", "[µrad]", height=170,
+            naming.without_underscores(name), "time [h]", "[µrad]", height=170,
         ))  # fmt: skip
     return picture(
         charts,
-        f"The {len(s.labels)} states of the {_short(s.name)} over time, with one sigma.",
+        f"The {len(s.labels)} states of the {short_name(s.name)} over time, with one sigma.",
         f"The states from where their σ is below {MAX_SHOWN_SIGMA:g} times its last value; line: the last estimate.",
     )
 
@@ -222,7 +226,7 @@ def _stage(s: StageResult, c: Calibration) -> dict[str, str]:
     rms = float(from_si(s.rms, unit))
     text = f"{significant(rms, 3)} {naming.unit_in_print(unit)}" if np.isfinite(rms) else "–"
     return {
-        "name": _short(s.name),
+        "name": short_name(s.name),
         "count": str(len(s.labels)),
         "rms": text,
         "in_words": naming.as_sentence(s.in_words),
@@ -243,6 +247,14 @@ def _stage_row(
     final = float(from_si(c.sigmas[c.parameters.index(p)], p.unit))
     places = max(0, -last_place(final)) if final > 0 else 2
     known = (
-        "" if truth is None or p.label not in truth else minus(f"{float(from_si(truth[p.label], p.unit)):.{places}f}")
+        ""
+        if truth is None or p.label not in truth
+        else printed_number(f"{float(from_si(truth[p.label], p.unit)):.{places}f}")
     )
-    return {"group": p.name, "words": naming.named(p.name, p.axis), "cells": cells, "truth": known, "unit": printed}
+    return {
+        "group": p.name,
+        "words": naming.name_in_words(p.name, p.axis),
+        "cells": cells,
+        "truth": known,
+        "unit": printed,
+    }

@@ -23,11 +23,11 @@ from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.schedule import Schedule
 from gimbalcal.schedule.commands import RotationSchedule
 from gimbalcal.units import from_si
-from gimbalcal.views.positions import planned
+from gimbalcal.views.positions import planned_recording
 from gimbalcal.words import naming
 from gimbalcal.words.answers import next_answer, plan_answer, positions_answer, turning_answer, turns_answer
-from gimbalcal.words.naming import counted, label_in_words, unit_in_print
-from gimbalcal.words.rounding import lasting, minus, sensible_time, significant
+from gimbalcal.words.naming import label_in_words, number_and_noun, unit_in_print
+from gimbalcal.words.rounding import duration_in_words, printed_number, sensible_time, significant
 
 CRITERIA = {"D": "volume of the remaining uncertainty", "A": "mean square of the remaining uncertainty",
             "position": "error of a day's navigation"}  # fmt: skip
@@ -49,17 +49,18 @@ def next_report(plan: NextPlan, title: str) -> str:
     best = plan.steps[0] if plan.steps and not plan.reached else None
     return render("next.html", {
         "title": title, "answer": next_answer(plan), "verdict": "fits" if plan.reached else "reserved",
-        "facts": [(lasting(best.seconds), "for the next step")] if best else [],
+        "facts": [(duration_in_words(best.seconds), "for the next step")] if best else [],
         "picture": picture([chart], "Gain of each step in an hour.") if plan.steps else None,
         "targeted": plan.target is not None, "separating": bool(plan.separate),
         "steps": [
-            {"words": s.words, "time": lasting(s.seconds), "parameter": naming.spaced(s.parameter),
+            {"words": s.words, "time": duration_in_words(s.seconds),
+            "parameter": naming.without_underscores(s.parameter),
              "now": significant(s.sigma_now, 3), "after": significant(s.sigma_after, 3), "unit": unit_in_print(s.unit),
              "gain": f"{100 * s.reduction:.3g} %", "separation": significant(s.separation or 0.0, 3)}
             for s in plan.steps
         ],
         "rows": [
-            {"group": p.name, "words": naming.named(p.name, p.axis),
+            {"group": p.name, "words": naming.name_in_words(p.name, p.axis),
              "sigma": significant(float(from_si(s, p.unit)), 3), "unit": unit_in_print(p.unit),
              "target": "" if plan.target is None else significant(float(from_si(plan.target[i], p.unit)), 3),
              "prior": significant(float(from_si(p.sigma, p.unit)), 2)}
@@ -78,19 +79,21 @@ def plan_report(o: Observability) -> str:
     total, unseen = len(o.rows), o.unobservable
     noise = ((key.rpartition("_"), v) for key, v in o.noise.items())
     known = ((v, NOISE_UNITS[unit], sensor) for (sensor, _, unit), v in noise if unit in NOISE_UNITS)
-    facts = [(f"{significant(v, 3)} {unit}", f"noise: {naming.spaced(sensor)}") for v, unit, sensor in known]
+    facts = [
+        (f"{significant(v, 3)} {unit}", f"noise: {naming.without_underscores(sensor)}") for v, unit, sensor in known
+    ]
     hidden = [c.effect for c in o.candidates if c.strength < MIN_SIGNAL_TO_NOISE]
     return render("plan.html", {
         "kind": "Observability of a schedule", "title": naming.typeset(o.schedule), "answer": plan_answer(o),
         "verdict": "reserved" if unseen else "fits",
         "facts": [(f"{total - len(unseen)} of {total}", "combinations determined"), *facts],
         "picture": _sigmas(o.rows), "side_by_side": True,
-        "unobservable": naming.directions(unseen),
-        "remarks": [f"At its usual size {naming.named(effect)} would not be detected." for effect in hidden],
+        "unobservable": naming.directions_in_words(unseen),
+        "remarks": [f"At its usual size {naming.name_in_words(effect)} would not be detected." for effect in hidden],
         "rows": _rows(o.rows, ()), "others": (),
         "confounded": [{"one": label_in_words(c.one), "other": label_in_words(c.other),
-                        "cosine": minus(f"{c.cosine:+.4f}")} for c in o.confounded],
-        "candidates": [{"words": naming.named(c.effect), "strength": significant(c.strength, 3),
+                        "cosine": printed_number(f"{c.cosine:+.4f}")} for c in o.confounded],
+        "candidates": [{"words": naming.name_in_words(c.effect), "strength": significant(c.strength, 3),
                         "absorbed": f"{100 * c.absorbed:.0f} %"} for c in o.candidates],
     })  # fmt: skip
 
@@ -98,19 +101,19 @@ def plan_report(o: Observability) -> str:
 def _rows(rows: Sequence[PredictedSigma], others: Sequence[str]) -> list[Context]:
     return [
         {
-            "words": naming.named(r.parameter.name, r.parameter.axis),
+            "words": naming.name_in_words(r.parameter.name, r.parameter.axis),
             "group": r.parameter.name,
             "sigma": significant(r.sigma, 3),
             "unit": unit_in_print(r.parameter.unit),
             "prior": significant(r.prior_sigma, 2),
-            "better": _better(r.sigma / r.prior_sigma),
+            "better": improvement_in_words(r.sigma / r.prior_sigma),
             "others": [significant(r.others[n], 3) for n in others],
         }
         for r in rows
     ]
 
 
-def _better(ratio: float) -> str:
+def improvement_in_words(ratio: float) -> str:
     return "not better" if ratio >= MAX_RATIO or ratio <= 0 else f"{significant(1 / ratio, 3)} times"
 
 
@@ -118,9 +121,9 @@ def _sigmas(rows: Sequence[PredictedSigma]) -> Picture:
     """Draw sigma relative to its prior, of each parameter."""
     ratio = np.array([r.sigma / r.prior_sigma for r in rows])
     return picture(
-        figures.dots_by_name([naming.named(r.parameter.name, r.parameter.axis) for r in rows], {"": ratio},
+        figures.dots_by_name([naming.name_in_words(r.parameter.name, r.parameter.axis) for r in rows], {"": ratio},
                              "σ / usual size (left: better known)", "of its usual size", [figures.AS_BEFORE]),
-        f"Uncertainty of {counted(len(rows), 'parameter')} after the schedule, relative to the usual size.",
+        f"Uncertainty of {number_and_noun(len(rows), 'parameter')} after the schedule, relative to the usual size.",
         "Uncertainty of each parameter after the schedule; at the dashed line it is as large as before.",
     )  # fmt: skip
 
@@ -146,34 +149,38 @@ def design_headline(d: PositionsDesign | TurnsDesign) -> str:
 def _positions(d: PositionsDesign) -> Context:
     names = list(d.against)
     return {
-        "title": d.schedule.name, "picture": _drawn(d.schedule), "unobservable": naming.directions(d.unobservable),
+        "title": d.schedule.name, "picture": schedule_picture(d.schedule),
+        "unobservable": naming.directions_in_words(d.unobservable),
         "facts": [(str(len(d.schedule.holds)), "positions"), (d.angles, "uncertainty of the angles"),
                   (CRITERIA[d.criterion], "minimised")],
-        "remarks": [naming.answered(text) for text in d.remarks], "rows": _rows(d.rows, names), "others": names,
+        "remarks": [naming.as_sentences(text) for text in d.remarks], "rows": _rows(d.rows, names), "others": names,
     }  # fmt: skip
 
 
 def _turns(d: TurnsDesign) -> Context:
     turns = str(len(d.schedule.moves))
-    rows = [{"group": g.group, "words": naming.named(g.group), "sigma": significant(g.sigma, 3), "prior": "",
-             "unit": unit_in_print(g.unit), "better": _better(g.ratio),
+    rows = [{"group": g.group, "words": naming.name_in_words(g.group), "sigma": significant(g.sigma, 3), "prior": "",
+             "unit": unit_in_print(g.unit), "better": improvement_in_words(g.ratio),
              "others": [significant(v, 3) for v in g.against.values()]} for g in d.groups]  # fmt: skip
     return {
         "title": f"{turns} turns", "picture": _drawn_turns(d.schedule), "unobservable": [],
-        "facts": [(turns, "turns"), (lasting(d.duration), "in total"), (lasting(d.schedule.stop), "each stop")],
+        "facts": [
+            (turns, "turns"), (duration_in_words(d.duration), "in total"),
+            (duration_in_words(d.schedule.stop), "each stop"),
+        ],
         "remarks": [], "rows": rows, "others": list(d.groups[0].against) if d.groups else [],
     }  # fmt: skip
 
 
-def _drawn(schedule: Schedule) -> Picture:
+def schedule_picture(schedule: Schedule) -> Picture:
     """Draw the gimbal angles, and the direction of gravity in platform axes, at each position."""
     angles = np.rad2deg(np.array([h.angles for h in schedule.holds]))
     labels = [str(k) for k in range(1, len(angles) + 1)]
-    force = stimulus_from_angles(planned(schedule)).force
+    force = stimulus_from_angles(planned_recording(schedule)).force
     gravity = -force / np.linalg.norm(force, axis=1, keepdims=True)
     return picture(
         figures.schedule(labels, angles, schedule.platform.axis_names, gravity),
-        f"Gimbal angles at {counted(len(labels), 'position')}, and the direction of gravity in platform axes.",
+        f"Gimbal angles at {number_and_noun(len(labels), 'position')}, and the direction of gravity in platform axes.",
         "Motion of the platform: gimbal angles by position, and the direction of gravity in its axes, along z.",
     )
 
@@ -187,7 +194,8 @@ def _drawn_turns(schedule: RotationSchedule) -> Picture:
     labels = [str(k) for k in range(len(angles))]
     return picture(
         figures.schedule(labels, angles, axes, down, "unit", "stop"),
-        f"Angles of the axes through {counted(len(schedule.moves), 'turn')}, and the direction of gravity in the unit.",
+        f"Angles of the axes through {number_and_noun(len(schedule.moves), 'turn')}, and the direction of gravity in "
+        "the unit.",
         "Motion of the table: its angle about each axis at each stop, and the direction of gravity in "
         "the unit, along z.",
     )
@@ -199,13 +207,13 @@ def _drawn_turns(schedule: RotationSchedule) -> Picture:
 def observability_report(o: TurningObservability) -> str:
     """Return the page of the observability of a schedule of turns."""
     worst = min(o.curves, key=lambda c: c.degree)
-    unseen, last, noise = naming.directions(o.bounds.unobservable), float(o.time[-1]), o.bounds.noise
+    unseen, last, noise = naming.directions_in_words(o.bounds.unobservable), float(o.time[-1]), o.bounds.noise
     return render("observability.html", {
         "title": o.bounds.schedule,
         "answer": turning_answer(o),
         "verdict": "fits" if not unseen and all(c.word == "high" for c in o.curves) else "reserved",
         "facts": [
-            (lasting(last), "duration of all turns and stops"),
+            (duration_in_words(last), "duration of all turns and stops"),
             (f"{significant(worst.degree, 3)} times",
              f"improvement of the least known error, {label_in_words(worst.parameter)}"),
             (f"{noise['gyroscope_deg_per_sqrt_h']:g} °/√h", "noise of the gyroscopes"),
@@ -213,24 +221,24 @@ def observability_report(o: TurningObservability) -> str:
         ],
         "curves": picture(
             _curves(o),
-            f"Sigma of {amount(len(o.curves), 'state')} over {lasting(last)}, on a logarithmic scale.",
+            f"Sigma of {amount(len(o.curves), 'state')} over {duration_in_words(last)}, on a logarithmic scale.",
             "One sigma of each state against time, starting at its usual size; each step down is a turn.",
         ),
         "unobservable": unseen,
         "weak": [{"direction": naming.direction_in_words(direction),
                   "why": f"known {significant(degree, 3)} times better than before"} for direction, degree in o.weak],
-        "rows": [_state(c) for c in (*o.curves, *o.navigation)],
-        "published": _published(o.published),
+        "rows": [state_row(c) for c in (*o.curves, *o.navigation)],
+        "published": published_comparison(o.published),
         "citations": cite("wei2022", "yan2018", "friedland1969"),
     })  # fmt: skip
 
 
-def _state(c: SigmaCurve) -> dict[str, str]:
+def state_row(c: SigmaCurve) -> dict[str, str]:
     return {"words": label_in_words(c.parameter), "sigma": significant(float(c.printed[-1]), 3),
             "unit": unit_in_print(c.unit), "degree": significant(c.degree, 3), "word": c.word}  # fmt: skip
 
 
-def _published(table: PublishedDegrees | None) -> Context:
+def published_comparison(table: PublishedDegrees | None) -> Context:
     """Return the comparison with published degrees; empty without one."""
     if table is None:
         return {}

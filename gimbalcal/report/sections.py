@@ -20,13 +20,13 @@ from gimbalcal.report.html import Context, Picture, picture
 from gimbalcal.report.parameters import MAX_SHOWN_SIGMA, plus_minus
 from gimbalcal.units import from_si
 from gimbalcal.words.naming import (
-    counted,
     label_in_words,
-    listed,
-    named,
-    spaced,
+    list_in_words,
+    name_in_words,
+    number_and_noun,
     unit_in_print,
     unobservable_leading,
+    without_underscores,
 )
 from gimbalcal.words.rounding import p_value, rms, sensible_time, signed, significant
 
@@ -58,9 +58,9 @@ def position_pictures(r: Recording, c: Calibration) -> Pictures:
     if r.position is None or not r.has("specific_force"):
         return [], []
     e = by_position(r, c.effects, c.provenance, c.readout)
-    unit, count = unit_in_print(e.unit), counted(len(e.labels), "position")
+    unit, count = unit_in_print(e.unit), number_and_noun(len(e.labels), "position")
     far = 0 if e.sigma is None else int(np.sum(np.abs(e.after) > figures.OUTLIER * e.sigma))
-    circled = f"; circled: {counted(far, 'reading')} beyond {figures.OUTLIER} σ" if far else ""
+    circled = f"; circled: {number_and_noun(far, 'reading')} beyond {figures.OUTLIER} σ" if far else ""
     residuals = picture(
         figures.residuals_by_position(e.labels, e.before, e.after, e.sigma, e.axes, unit),
         f"Residuals of {count} by axis: {rms(e.before)} {unit} rms before, {rms(e.after)} {unit} rms after.",
@@ -138,7 +138,7 @@ def rate_table_picture(recordings: Sequence[Recording], c: Calibration) -> Pictu
             printed = unit_in_print(unit)
             title = f"{axis}, {when}: {rms(np.concatenate(off))} {printed} rms"
             charts.append(Chart((*marks, Rule(0.0)), title, "rate of the table [°/s]", f"[{printed}]", height=170))
-    stretches = counted(sum(len(s.time) for s in after), "stretch", "stretches")
+    stretches = number_and_noun(sum(len(s.time) for s in after), "stretch", "stretches")
     return picture(
         charts,
         f"Output of three gyroscopes minus the table's rate at {stretches} of steady turning.",
@@ -175,8 +175,8 @@ def pointing_picture(recordings: Sequence[Recording], c: Calibration) -> Picture
     directions = f"{WAYS['across']} and along it" if len(ways) == 2 else WAYS[ways[0]]
     return picture(
         _over_axes(np.concatenate(angles), before, after, names, ways, titles),
-        f"Residuals of {counted(len(after), 'star')} over {listed(names)}: {sizes[0]} arcsec on the sky with zeros "
-        f"alone, {sizes[1]} arcsec with all terms.",
+        f"Residuals of {number_and_noun(len(after), 'star')} over {list_in_words(names)}: {sizes[0]} arcsec on the "
+        f"sky with zeros alone, {sizes[1]} arcsec with all terms.",
         f"Observed minus target direction of each star, {directions}: with the "
         f"zeros alone (pale, {sizes[0]} arcsec rms on the sky) and with all terms (blue, {sizes[1]} arcsec).",
     )
@@ -238,8 +238,10 @@ def navigation_pictures(c: Calibration) -> list[Picture]:
     navigation = c.residual.navigation
     if not navigation:
         return []
-    estimates = [_estimates(c, navigation)] if "estimate" in navigation else []  # some calibration.json have none
-    return [_innovations(navigation), *estimates, _sigmas(c, navigation)]
+    estimates = (
+        [estimates_picture(c, navigation)] if "estimate" in navigation else []
+    )  # some calibration.json have none
+    return [innovations_picture(navigation), *estimates, sigmas_picture(c, navigation)]
 
 
 def navigation_facts(c: Calibration) -> list[tuple[str, str]]:
@@ -251,7 +253,7 @@ def navigation_facts(c: Calibration) -> list[tuple[str, str]]:
     return [(significant(n["nis"]["ratio"], 3), f"normalised innovation squared, mean ({updates})")]
 
 
-def _innovations(n: Mapping[str, Any]) -> Picture:
+def innovations_picture(n: Mapping[str, Any]) -> Picture:
     z, white = np.array(n["legs"]["innovation"]), n["whiteness"]
     far = int(np.sum(np.abs(z) > OUTLIER_SIGMAS))
     outliers = f"{amount(far, 'sum')} beyond {OUTLIER_SIGMAS:g} σ" if far else f"none beyond {OUTLIER_SIGMAS:g} σ"
@@ -264,23 +266,25 @@ def _innovations(n: Mapping[str, Any]) -> Picture:
     )
 
 
-def _estimates(c: Calibration, n: Mapping[str, Any]) -> Picture:
+def estimates_picture(c: Calibration, n: Mapping[str, Any]) -> Picture:
     """Return the estimates of the filter against time with one sigma, a chart for each effect."""
     time, unit = sensible_time(np.array(n["time_s"]))
     unknown, groups = unobservable_leading(c.null_directions), dict[tuple[str, str], list[Mark]]()
     for p in c.parameters:
         if p.label in unknown:
             continue
-        marks = groups.setdefault((named(p.name), unit_in_print(p.unit)), [])
+        marks = groups.setdefault((name_in_words(p.name), unit_in_print(p.unit)), [])
         colour = COLOURS[len(marks) // 2 % len(COLOURS)]
         x, sigma = np.array(n["estimate"][p.label]) - n["estimate"][p.label][-1], np.array(n["sigma"][p.label])
         t, x, sigma = (a[sigma < MAX_SHOWN_SIGMA * sigma[-1]] for a in (time, x, sigma))
-        marks += [Band(t, x - sigma, x + sigma, colour), Line(t, x, colour, spaced(p.axis))]
+        marks += [Band(t, x - sigma, x + sigma, colour), Line(t, x, colour, without_underscores(p.axis))]
     charts = [
         Chart((*marks, Rule(0.0)), f"{name}  [{of}]", f"time [{unit}]", height=170)
         for (name, of), marks in groups.items()
     ]
-    omitted = f" Not drawn: {counted(len(unknown), 'parameter')} that the data do not determine." if unknown else ""
+    omitted = (
+        f" Not drawn: {number_and_noun(len(unknown), 'parameter')} that the data do not determine." if unknown else ""
+    )
     return picture(
         charts,
         f"Estimates of {amount(len(c.parameters) - len(unknown), 'parameter')} against time with one sigma, by effect.",
@@ -290,10 +294,10 @@ def _estimates(c: Calibration, n: Mapping[str, Any]) -> Picture:
     )
 
 
-def _sigmas(c: Calibration, n: Mapping[str, Any]) -> Picture:
+def sigmas_picture(c: Calibration, n: Mapping[str, Any]) -> Picture:
     groups: dict[tuple[str, str], dict[str, Sequence[float]]] = {}
     for p in c.parameters:
-        groups.setdefault((named(p.name), unit_in_print(p.unit)), {})[p.axis] = n["sigma"][p.label]
+        groups.setdefault((name_in_words(p.name), unit_in_print(p.unit)), {})[p.axis] = n["sigma"][p.label]
     if smoothed := n["attitude"].get("smoothed_arcsec"):  # some calibration.json have none
         groups["attitude, smoothed", "arcsec"] = smoothed
     return picture(

@@ -43,7 +43,7 @@ def svg(chart: Chart) -> str:
     across, up = ([], []) if chart.bare else (_ticks(chart, x0, x1, True), _ticks(chart, y0, y1, False))
     left = 14 + LETTER * max((len(w) for _, w in up), default=0) + (16 if chart.y_label else 0)
     legend = _legend(chart, left)
-    crossed = _crossed(across, WIDTH - left)
+    crossed = labels_are_vertical(across, WIDTH - left)
     foot = (max((len(w) for _, w in across), default=0) * LETTER if crossed else 16) + (20 if chart.x_label else 6)
     top = 6 + (18 if chart.title else 0) + legend[1] + (10 if any(isinstance(m, Words) for m in chart.marks) else 0)
     wide, high = WIDTH - left - 10, chart.height
@@ -61,7 +61,7 @@ def svg(chart: Chart) -> str:
     frame = (left, top, wide, high)
     parts = [
         *(
-            [f'<text class="title" x="{_n(left)}" y="14">{escape(_shortened(chart.title, WIDTH - left, 7.4))}</text>']
+            [f'<text class="title" x="{_n(left)}" y="14">{escape(_fitted(chart.title, WIDTH - left, 7.4))}</text>']
             if chart.title
             else []
         ),
@@ -98,12 +98,12 @@ def _ticks(chart: Chart, low: float, high: float, across: bool) -> list[tuple[fl
     return list(zip(values, tick_words(values), strict=True))
 
 
-def _crossed(across: Sequence[tuple[float, str]], wide: float) -> bool:
+def labels_are_vertical(across: Sequence[tuple[float, str]], wide: float) -> bool:
     """Return whether words under the chart have to be vertical."""
     return sum(len(w) + 1.5 for _, w in across) * LETTER > wide
 
 
-def _shortened(words: str, room: float, letter: float = LETTER) -> str:
+def _fitted(words: str, room: float, letter: float = LETTER) -> str:
     """Return words, cut where they would leave the picture."""
     most = int(room / letter)
     return words if len(words) <= most else f"{words[: most - 1].rstrip()}…"
@@ -148,7 +148,7 @@ def _legend(chart: Chart, left: float) -> tuple[list[str], float]:
     y, x = (34.0 if chart.title else 16.0), left
     for m in named:
         wide = 22 if isinstance(m, Line) else 14
-        label = _shortened(m.label, WIDTH - left - wide - 12)
+        label = _fitted(m.label, WIDTH - left - wide - 12)
         long = wide + 12 + LETTER * (len(label) + 1)
         if x > left and x + long > WIDTH:
             x, y = left, y + 16

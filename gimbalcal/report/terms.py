@@ -10,7 +10,7 @@ from gimbalcal.report.html import Context
 from gimbalcal.report.parameters import plus_minus
 from gimbalcal.words.calibration_sentences import candidate_terms, sky_rms
 from gimbalcal.words.naming import label_in_words, unit_in_print
-from gimbalcal.words.rounding import minus, p_value, significant
+from gimbalcal.words.rounding import p_value, printed_number, significant
 
 CANDIDATES_SHOWN = 8  # of the page; the others are folded
 CANDIDATES_PRINTED = 4  # of the console
@@ -21,7 +21,7 @@ def term_tables(c: Calibration) -> Context:
     tests = c.provenance.term_tests or ()
     candidates = [_row(t) for t in tests if not t.in_model]
     return {
-        "tpoint": [dict(zip(("number", "term", "change", "value", "sigma"), map(minus, row), strict=True))
+        "tpoint": [dict(zip(("number", "term", "change", "value", "sigma"), map(printed_number, row), strict=True))
                    for row in _tpoint_rows(c)],
         "tpoint_rms": [(name, f"{x:.2f} arcsec") for name, x in _tpoint_rms(c)],
         "terms": [_row(t) for t in tests if t.in_model],
@@ -42,11 +42,11 @@ def terms_in_text(c: Calibration) -> str:
         heads = (f"terms {where} the model: rms on the sky without and with each" for where in ("of", "outside"))
         for head, group in zip(heads, chosen, strict=True):
             if group:
-                parts += [f"  {head}", *_aligned([_row(t) for t in group])]
+                parts += [f"  {head}", *aligned_rows([_row(t) for t in group])]
     return "\n".join(parts)
 
 
-def _aligned(rows: Sequence[Context]) -> list[str]:
+def aligned_rows(rows: Sequence[Context]) -> list[str]:
     """Return rows as aligned lines: name, TPOINT's name, residuals, F, p-value, the largest correlation."""
     cells = [(r["words"], r["tpoint"], f"{r['without']} → {r['with_']} arcsec", f"F {r['F']}", f"p {r['p']}",
               r["correlated"][0] if r["correlated"] else "") for r in rows]  # fmt: skip
@@ -79,6 +79,6 @@ def _row(t: TermTest) -> Context:
         "with_": significant(t.rms_with_arcsec, 3),
         "F": significant(t.F, 3),
         "p": p_value(t.p_value),
-        "correlated": [f"{label_in_words(label)} {minus(f'{r:+.2f}')}" for label, r in t.correlations.items()],
+        "correlated": [f"{label_in_words(label)} {printed_number(f'{r:+.2f}')}" for label, r in t.correlations.items()],
         "name": t.tpoint or t.term,
     }

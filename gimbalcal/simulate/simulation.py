@@ -13,7 +13,7 @@ from gimbalcal.earth import EARTH_RATE, G0, normal_gravity, radii
 from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.process import Quantisation
 from gimbalcal.errors import InputError
-from gimbalcal.forward import predict, turning
+from gimbalcal.forward import angular_rate, predict
 from gimbalcal.forward.angles import ideal_angles
 from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.kinematics import stimulus_from_angles
@@ -218,7 +218,9 @@ def _as_it_was(run: Run, nominal: Recording) -> Stimulus:
     s = s.at(readout=angle, angle=angle)
     if not run.scenario.turning:
         return s
-    return s.at(rate=turning(run.platform, s, run.effects, run.table.rates(nominal.time, run.table.true + run.setting)))
+    return s.at(
+        rate=angular_rate(run.platform, s, run.effects, run.table.rates(nominal.time, run.table.true + run.setting))
+    )
 
 
 def _angles(run: Run, out: Mapping[str, Array], time: Array, rng: np.random.Generator) -> dict[Key, Array]:

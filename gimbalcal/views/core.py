@@ -306,7 +306,7 @@ def by_triad(ids: Sequence[str]) -> tuple[list[str], list[str]]:
     return [i for i in ids if i not in gyro], gyro
 
 
-def carried(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
+def effects_of_another_day(calibration: Calibration | None, baseline: Sequence[str]) -> tuple[Effect, ...]:
     """Effects of a calibration that hold on another day: the baseline's and the sensors', not how the rig stood."""
     stages = SENSOR_STAGES | GYROSCOPE_STAGES
     if unknown := [e.id for e in (calibration.effects if calibration else ()) if e.id not in CATALOGUE]:
@@ -334,7 +334,7 @@ def range_of_constants(wanted: Sequence[Parameter], *stimuli: Stimulus) -> Array
     return np.stack([np.min(ranges, axis=0)[:, 0], np.max(ranges, axis=0)[:, 1]])
 
 
-def gauges(stages: Container[Stage]) -> frozenset[tuple[str, str]]:
+def gauge_parameters(stages: Container[Stage]) -> frozenset[tuple[str, str]]:
     """Return the parameters (effect, axis) that only turn a frame for which rows of these stages hold no reference."""
     return frozenset((i, axis) for i, cls in CATALOGUE.items() if cls.stage in stages for axis in cls.gauge)
 

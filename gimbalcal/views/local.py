@@ -50,7 +50,7 @@ class Local:
         return np.flatnonzero(np.diff(self.group, prepend=-1))
 
     @property
-    def zero(self) -> Array:
+    def zero_values(self) -> Array:
         """Return values (m, k) of zero."""
         return np.zeros((int(self.group[-1]) + 1, self.size))
 
@@ -61,7 +61,7 @@ class Local:
 
     def start(self, view: View, effects: Sequence[Effect]) -> Array:
         """Return values (m, k) that effects call for, so that large ones do not throw the first step off."""
-        e = self.zero
+        e = self.zero_values
         for _ in range(START_ITERATIONS if self.sigma > SMALL_SETTING_RAD else 0):
             rows = self.evaluate(effects, e)
             linear = self.by_group(view, rows, np.zeros((*rows.residual.shape, 0)), e)

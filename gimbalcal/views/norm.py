@@ -27,7 +27,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.dwell import attitudes
 from gimbalcal.recording.record import FORCE
-from gimbalcal.views.core import Measurement, View, gauges, recording_fields
+from gimbalcal.views.core import Measurement, View, gauge_parameters, recording_fields
 from gimbalcal.views.noise import NoiseModel
 
 NORM = Measurement(
@@ -66,7 +66,8 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
     return View(
         NORM, channels=((FORCE, "norm"),), **{**recording_fields(means), "readout": readout}, stimulus=s,
         label=s.position, evaluate=rows, reference=lambda effects: rows(effects, noise_free=True), stages=SENSOR_STAGES,
-        baseline=tuple(baseline) or determined_terms(y), gauge=gauges(SENSOR_STAGES), groups=np.arange(len(y)),
+        baseline=tuple(baseline) or determined_terms(y), gauge=gauge_parameters(SENSOR_STAGES),
+        groups=np.arange(len(y)),
         noise=NoiseModel(sample=noise, wander=(y / np.linalg.norm(y, axis=1)[:, None])[:, None]),
     )  # fmt: skip
 

@@ -21,12 +21,12 @@ from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.gimbal_mechanics import MIN_TURN_RAD
 from gimbalcal.errors import InputError
 from gimbalcal.forward import AXES, Rows, linearise, on_target
-from gimbalcal.inference.algebra import basis
+from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import Key
-from gimbalcal.views.core import Measurement, View, gauges, recording_fields
+from gimbalcal.views.core import Measurement, View, gauge_parameters, recording_fields
 from gimbalcal.views.noise import NoiseModel, of_channels
 
 STAGES = frozenset({Stage.ENCODER, Stage.AXIS_TILT, Stage.BASE, Stage.LINE_OF_SIGHT})
@@ -52,11 +52,11 @@ POINTING = Measurement(
 
 def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     """Return the view of a pointing run; every star is a visit of its own. Raises InputError as `read_axes` does."""
-    s, tracking, tracked = on_stars(recording), tracking_axes(recording), tracks(recording)
+    s, tracking, tracked = on_stars(recording), tracking_axes(recording), follows_the_sky(recording)
     moved = moved_channels(recording)
     channels = tuple(c for c in moved if not (tracked and _lacks_readout(recording, c)))
     own = [k for k, c in enumerate(reversed(moved)) if c in channels]  # axes that move in these
-    drift = basis(slow_drift(recording)) if tracked else np.zeros((len(recording.time), 0))
+    drift = orthonormal_columns(slow_drift(recording)) if tracked else np.zeros((len(recording.time), 0))
 
     def clear(X: Array) -> Array:
         return np.asarray(X - np.tensordot(drift, np.tensordot(drift.T, X, 1), 1))
@@ -84,7 +84,7 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
     return View(
         measurement, channels=channels, **fields, stimulus=s, label=s.position,
         evaluate=rows, reference=reference, stages=STAGES, baseline=tuple(baseline) or BASELINE["pointing"],
-        gauge=gauges({Stage.BASE}), groups=np.arange(n),
+        gauge=gauge_parameters({Stage.BASE}), groups=np.arange(n),
         noise=NoiseModel(
             sigma, wander=of_channels(n, len(channels)) if n <= MAX_FILTERED_STARS else None,
             of_each_channel=tracked, own_memories=tracked,
@@ -116,7 +116,7 @@ def means_of_tracking(recording: Recording) -> Recording:
     Frames follow each other faster than any error of the mount varies. Their means hold less of the seeing, and what
     remains has less memory from row to row.
     """
-    if not tracks(recording):
+    if not follows_the_sky(recording):
         return recording
     width = 2 * np.pi / (MAX_TEETH * FRAMES * EARTH_RATE)
     stretch = np.zeros(len(recording.time)) if recording.position is None else recording.position
@@ -142,7 +142,7 @@ def slow_drift(recording: Recording) -> Array:
     """
     t = recording.elapsed / (recording.elapsed.max() or 1.0) * 2 - 1
     curve = np.polynomial.legendre.legvander(t, 3)
-    line = basis(curve[:, :2])
+    line = orthonormal_columns(curve[:, :2])
     curve = curve[:, 2:] - line @ (line.T @ curve[:, 2:])
     if recording.position is None or len(np.unique(recording.position)) > MAX_STRETCH_SHARE * len(t):
         return curve
@@ -185,7 +185,7 @@ def on_stars(recording: Recording) -> Stimulus:
     return s.at(visit=np.arange(n), position=number, since_move=0 * s.time, move_angle=moved)
 
 
-def tracks(recording: Recording) -> bool:
+def follows_the_sky(recording: Recording) -> bool:
     """Return whether a mount follows the sky about its polar axis: a calm readout turns as the Earth does."""
     angle = np.unwrap(recording.angles()[:, tracking_axes(recording)], axis=0)
     rate = np.abs(angle[-1] - angle[0]) / max(float(np.ptp(recording.elapsed)), 1e-9)
@@ -273,7 +273,7 @@ def moved_channels(recording: Recording) -> tuple[Key, ...]:
     return CHANNELS if len(axes) == 2 else MOVED_BY[recording.platform.axes[0].direction]
 
 
-def nights(recording: Recording) -> tuple[Recording, ...]:
+def split_nights(recording: Recording) -> tuple[Recording, ...]:
     """The recording cut where it pauses for more than `MIN_NIGHT_GAP_S`; one that does not is its only night."""
     cuts = [0, *(np.flatnonzero(np.diff(recording.time) > MIN_NIGHT_GAP_S) + 1).tolist(), len(recording.time)]
     return tuple(recording.select(slice(a, b)) for a, b in pairwise(cuts))

@@ -68,16 +68,16 @@ def view_of_positions(
     rows.triad(FORCE)  # all three axes, or InputError
     stages = dict.fromkeys((*(CATALOGUE[i].stage for i in effects), Stage.ENCODER))
     read = readings(rows)
-    view = view_of_readings(read, _model(noise, rows), stages=stages, setting=noise.setting)
+    view = view_of_readings(read, noise_model(noise, rows), stages=stages, setting=noise.setting)
     return replace(view, acting=frozenset(effects))
 
 
 def in_noise(view: View, noise: Noise) -> View:
     """Return a view of positions in another noise."""
-    return replace(view, noise=_model(noise, view.source), local=replace(view.visits, sigma=noise.setting))
+    return replace(view, noise=noise_model(noise, view.source), local=replace(view.visits, sigma=noise.setting))
 
 
-def _model(noise: Noise, rows: Recording) -> NoiseModel:
+def noise_model(noise: Noise, rows: Recording) -> NoiseModel:
     return NoiseModel(noise.accelerometer / np.sqrt(np.asarray(rows.weight, dtype=float))[:, None], scale_known=True)
 
 
@@ -99,7 +99,7 @@ def by_visit(
     view: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, e: Array | None = None
 ) -> VisitRows:
     """Return the rows y - h + G e + J x about parameters x (p,) and setting errors e (m, k; none: zero), by visit."""
-    e = view.visits.zero if e is None else e
+    e = view.visits.zero_values if e is None else e
     rows = view.visits.evaluate(with_values(effects, wanted, x, view.stimulus.axis_names), e)
     linear = view.visits.by_group(view, rows, rows.jacobian(wanted), e)
     return replace(linear, r=linear.r + linear.J @ x, r_inside=linear.r_inside + linear.J_inside @ x)
@@ -110,7 +110,7 @@ def force_of_visits(view: View) -> Array:
     return group_means(view.source.triad(FORCE), view.visits.group, view.source.weight)
 
 
-def planned(schedule: Schedule, samples: float = 1.0, site: Site | None = None) -> Recording:
+def planned_recording(schedule: Schedule, samples: float = 1.0, site: Site | None = None) -> Recording:
     """A perfect recording of a schedule, one row per hold, `samples` raw samples behind each."""
     site = site or Site(gravity=G0)
     angles, m = schedule.angles, len(schedule.holds)

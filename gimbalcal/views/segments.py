@@ -110,7 +110,7 @@ def segment(recording: Recording) -> Segments:
     step = recording.step
     dt = np.diff(recording.time, prepend=recording.time[0] - step)
     paused = dt > MISSED * step
-    stop_dwells = stops(recording)
+    stop_dwells = stop_rows(recording)
     if len(stop_dwells) < 2:
         raise InputError(
             f"{recording.label} has {'one' if stop_dwells else 'no'} stop: systematic calibration compares what the "
@@ -149,7 +149,7 @@ def segment(recording: Recording) -> Segments:
     else:
         still = velocity_at_stops(rows, length, np.array(first), np.array(stop), density)
         velocity = np.where(np.array(stop) < 0, max(still, DEFAULT_VELOCITY_SIGMA_M_S), still)
-    handled = "velocity" not in recording.noise and _handled(recording, stop_dwells)
+    handled = "velocity" not in recording.noise and is_hand_turned(recording, stop_dwells)
     return Segments(
         rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated,
         source, handled,
@@ -179,11 +179,11 @@ def velocity_at_stops(
     white = density**2 * second
     chance = max(variance / 6, white) / np.sqrt(late.size)
     return float(
-        np.sqrt(max((6 * covariance - variance) / 16, chance, _sway([u for u in gained if len(u) > 4], white)))
+        np.sqrt(max((6 * covariance - variance) / 16, chance, sway_variance([u for u in gained if len(u) > 4], white)))
     )
 
 
-def _sway(gained: Sequence[Array], white: float) -> float:
+def sway_variance(gained: Sequence[Array], white: float) -> float:
     """Return the mean square of velocities that gains (n, 3) of stops add up to, less that of noise of this variance.
 
     It is zero where they add up to no more than white noise does by chance.
@@ -209,10 +209,10 @@ def turned_in_place(recording: Recording) -> bool:
         return False
     if any(not recording.has(q) or recording.counted(q) for q in (FORCE, RATE)):
         return False
-    return len(stops(recording)) >= MIN_STOPS
+    return len(stop_rows(recording)) >= MIN_STOPS
 
 
-def stops(recording: Recording) -> list[Dwell]:
+def stop_rows(recording: Recording) -> list[Dwell]:
     """Return the stops, from `position` or else from force and rate.
 
     A pause of the clock does not end a stop in which the unit was not moved.
@@ -242,7 +242,7 @@ def stops(recording: Recording) -> list[Dwell]:
     return out
 
 
-def _handled(recording: Recording, stop_dwells: Sequence[Dwell]) -> bool:
+def is_hand_turned(recording: Recording, stop_dwells: Sequence[Dwell]) -> bool:
     """Return whether forces other than gravity act while the unit turns, as by a hand and not by a table."""
     size = np.linalg.norm(recording.triad(FORCE), axis=1)
     still = np.zeros(len(size), dtype=bool)

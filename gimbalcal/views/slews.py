@@ -31,7 +31,7 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.effects.history import integral, slope
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows, linearise
-from gimbalcal.inference.algebra import basis
+from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
@@ -82,7 +82,7 @@ def view_of_slews(
     if not late or (not gimballed and RATE not in read):
         return "the sensors count, and a delay shows in SI"
     motion = on_gimbals(recording, moves) if gimballed else by_hand(recording, moves)
-    if FORCE in late and _moved(motion) < FEWEST:  # as on a table that turns about the vertical
+    if FORCE in late and slews_with_moving_force(motion) < FEWEST:  # as on a table that turns about the vertical
         read = late = tuple(q for q in late if q != FORCE)
         if not late:
             return f"fewer than {FEWEST} slews move gravity"
@@ -122,13 +122,13 @@ def view_of_slews(
     )  # fmt: skip
 
 
-def _moved(motion: SlewMotion) -> int:
+def slews_with_moving_force(motion: SlewMotion) -> int:
     """Slews in which the force moves, so that it can come late."""
     force = motion.stimulus.force
     return sum(bool(np.ptp(force[s], axis=0).max() > MOVED * np.linalg.norm(force[s][0])) for s in motion.spans)
 
 
-def lateness(v: View) -> dict[str, tuple[float, float]]:
+def channel_delays(v: View) -> dict[str, tuple[float, float]]:
     """Return the delay of each channel of slews with one sigma [s], whatever the others are."""
     out = {}
     for c, (_, axis) in enumerate(v.channels):
@@ -152,11 +152,11 @@ def _shifted_home(onto: _Onto, recording: Recording) -> tuple[Rows, Array]:
         if np.all(np.abs(mean) < CLEAR * spread):
             break
         at = at + mean
-        shifted = _shifted(recording, dict(zip(onto.late, at, strict=True)))
-    return replace(rows, residual=rows.residual + at), _scaled(sigma, rows.residual)
+        shifted = shifted_recording(recording, dict(zip(onto.late, at, strict=True)))
+    return replace(rows, residual=rows.residual + at), scaled_sigmas(sigma, rows.residual)
 
 
-def _shifted(recording: Recording, by: dict[str, float]) -> Recording:
+def shifted_recording(recording: Recording, by: dict[str, float]) -> Recording:
     """The recording with quantities as they were `by` [s] earlier than their rows, through cubics."""
     from scipy.interpolate import CubicSpline
 
@@ -244,7 +244,7 @@ class _Onto:
             lever = np.stack([np.cross(faster, e) + np.cross(w, np.cross(w, e)) for e in np.eye(3)], axis=-1)
             Q = [each, tilted, path[:, None, None] * tilted, lever]
         columns = np.concatenate(Q, axis=-1).reshape(3 * len(w), -1)
-        U = basis(columns, 1e-6)
+        U = orthonormal_columns(columns, 1e-6)
         t = T.ravel()
         p = t - U @ (U.T @ t)
         return p.reshape(T.shape), U, float(p @ p) / max(float(t @ t), 1e-300)
@@ -279,7 +279,7 @@ def _less_common(sigma: Array, common: Array) -> Array:
     return np.asarray(sigma.T[:, :, None] * W / sigma.T[:, None, :])
 
 
-def _scaled(sigma: Array, delay: Array) -> Array:
+def scaled_sigmas(sigma: Array, delay: Array) -> Array:
     """Sigmas (m, C) so that the delays of each channel scatter by them about their mean."""
     w = 1 / sigma**2
     mean = (w * delay).sum(0) / w.sum(0)

@@ -37,7 +37,7 @@ from gimbalcal.rotation import composed, cross_matrix, exponential, mean_rates, 
 from gimbalcal.views.core import Measurement, View, gyroscope_parameters_without, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.norm import inverted
-from gimbalcal.views.swept_rotations import Sweeps, swept, swept_rows
+from gimbalcal.views.swept_rotations import Sweeps, swept_rotation, swept_rows
 
 MIN_TURN = 0.02  # rad that a gyroscope sweeps in some turn; white noise of 1 deg/sqrt(h) makes 0.002 in a minute
 MAX_ATTITUDE_CHANGE = 0.01  # of the attitude's elements: gimbals that stand where they stood
@@ -209,7 +209,7 @@ def _left_open(turns: Turns, calibration: Calibration, known: Sequence[Effect]) 
     length = np.linalg.norm(f, axis=1)
     u = f / length[:, None]
     tilt = (felt - u[:, :, None] * np.einsum("ki,kip->kp", u, felt)[:, None]) / length[:, None, None]
-    return np.asarray(swept(turns, known) @ tilt[turns.ends - 1] - tilt[turns.ends])
+    return np.asarray(swept_rotation(turns, known) @ tilt[turns.ends - 1] - tilt[turns.ends])
 
 
 def with_headings(turns: Turns) -> Turns:

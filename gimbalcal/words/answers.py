@@ -10,20 +10,20 @@ from gimbalcal.earth import HOUR
 from gimbalcal.errors import amount
 from gimbalcal.words.calibration_sentences import MAX_RELATIVE_EXCESS, MIN_P_VALUE
 from gimbalcal.words.naming import (
-    answered,
     as_sentence,
+    as_sentences,
     capitalised,
-    counted,
     label_in_words,
-    listed,
-    precision,
+    least_precise_sentence,
+    list_in_words,
+    number_and_noun,
     sentence,
-    spaced,
     typeset,
     unit_in_print,
     unobservable_leading,
+    without_underscores,
 )
-from gimbalcal.words.rounding import lasting, significant
+from gimbalcal.words.rounding import duration_in_words, significant
 
 if TYPE_CHECKING:
     from gimbalcal.at_rest import RestNoise
@@ -47,47 +47,52 @@ RECORD_IT = "Next: turn the rig through schedule.toml while it logs."
 def plan_answer(o: Observability) -> str:
     """Return which parameters positions or a static run determine, how well, and what to do next."""
     unseen = o.unobservable
-    text = as_sentence(f"{o.schedule} determines {_determined(len(o.rows), len(unseen))} of the parameters")
-    text += _precision(o.rows, unseen)
+    text = as_sentence(f"{o.schedule} determines {determined_count(len(o.rows), len(unseen))} of the parameters")
+    text += precision_sentence(o.rows, unseen)
     if unseen:
         text += (
-            f" {capitalised(counted(len(unseen), 'combination'))} cannot be observed, and a longer recording "
+            f" {capitalised(number_and_noun(len(unseen), 'combination'))} cannot be observed, and a longer recording "
             "does not help; another attitude or another instrument does."
         )
     return text
 
 
-def _precision(rows: Sequence[PredictedSigma], unobservable: Sequence[Unobservable]) -> str:
+def precision_sentence(rows: Sequence[PredictedSigma], unobservable: Sequence[Unobservable]) -> str:
     undetermined = unobservable_leading(unobservable)
     determined = [r for r in rows if r.parameter.label not in undetermined]
-    return precision((r.parameter.name, r.sigma, r.parameter.unit) for r in determined)
+    return least_precise_sentence((r.parameter.name, r.sigma, r.parameter.unit) for r in determined)
 
 
-def _determined(total: int, unobservable: int) -> str:
-    return f"{total - unobservable} of {total} combinations" if unobservable else f"all {counted(total, 'combination')}"
+def determined_count(total: int, unobservable: int) -> str:
+    return (
+        f"{total - unobservable} of {total} combinations"
+        if unobservable
+        else f"all {number_and_noun(total, 'combination')}"
+    )
 
 
 def positions_answer(d: PositionsDesign) -> str:
     """Return which parameters designed positions determine, how well, compared with which, and what to do next."""
-    share = _determined(len(d.parameters), len(d.unobservable))
+    share = determined_count(len(d.parameters), len(d.unobservable))
     text = sentence(f"{d.origin}, determine {share} of the parameters")
-    text += _precision(d.rows, d.unobservable)
+    text += precision_sentence(d.rows, d.unobservable)
     text += f" {sentence(d.position_error)}" if d.position_error else ""
     text += f" {sentence(d.law.in_words)}" if d.law else ""
     what, which = ("that error", "") if d.position_error else ("σ", ", on average")
     ratios = {n: a.criterion_ratio if d.position_error else a.sigma_ratio for n, a in d.against.items()}
     compared = [
-        answered(f"In the time that {n} takes, {what} is {x:.2f} times that of {n}{which}") for n, x in ratios.items()
+        as_sentences(f"In the time that {n} takes, {what} is {x:.2f} times that of {n}{which}")
+        for n, x in ratios.items()
     ]
     return " ".join([text, *compared, RECORD_IT])
 
 
 def turns_answer(d: TurnsDesign) -> str:
     """Return how well designed turns determine the unit, compared with which, and what to do next."""
-    turns = capitalised(counted(len(d.schedule.moves), "turn"))
-    text = f"{turns} with stops of {d.schedule.stop:.3g} s take {lasting(d.duration)}."
-    text += precision((g.group, g.sigma, g.unit) for g in d.groups)
-    compared = [answered(d.comparison)] if d.comparison else []
+    turns = capitalised(number_and_noun(len(d.schedule.moves), "turn"))
+    text = f"{turns} with stops of {d.schedule.stop:.3g} s take {duration_in_words(d.duration)}."
+    text += least_precise_sentence((g.group, g.sigma, g.unit) for g in d.groups)
+    compared = [as_sentences(d.comparison)] if d.comparison else []
     return " ".join([text, *compared, RECORD_IT])
 
 
@@ -97,25 +102,27 @@ def turning_answer(o: TurningObservability) -> str:
     undetermined, unseen = unobservable_leading(unobservable), len(unobservable)
     determined = [c for c in o.curves if c.parameter not in undetermined]
     low = [label_in_words(c.parameter) for c in determined if c.word != "high"]
-    share = f"{total - unseen} of {total} combinations" if unseen else f"all {counted(total, 'error')}"
-    text = f"{o.bounds.schedule} determines {share} of the unit in {lasting(float(o.time[-1]))}."
-    text += precision((c.parameter.partition(":")[0], float(c.printed[-1]), c.unit) for c in determined)
+    share = f"{total - unseen} of {total} combinations" if unseen else f"all {number_and_noun(total, 'error')}"
+    text = f"{o.bounds.schedule} determines {share} of the unit in {duration_in_words(float(o.time[-1]))}."
+    text += least_precise_sentence((c.parameter.partition(":")[0], float(c.printed[-1]), c.unit) for c in determined)
     if unseen:
-        text += f" {capitalised(counted(unseen, 'combination'))} cannot be observed: turn about another axis, too."
+        text += (
+            f" {capitalised(number_and_noun(unseen, 'combination'))} cannot be observed: turn about another axis, too."
+        )
     if low:
-        text += f" Hardly better known than before: {listed(low, MAX_STATES)}."
+        text += f" Hardly better known than before: {list_in_words(low, MAX_STATES)}."
     return text if unseen or low else f"{text} Next: record it, then `gimbalcal calibrate` the recording."
 
 
 def next_answer(plan: NextPlan) -> str:
     """Return what to record next, what it gains in which time, and how far away the goal is."""
-    goal = _goal(plan)
+    goal = distance_to_goal(plan)
     if plan.reached or not plan.steps:
         return goal if plan.reached else f"{goal} No position, duration or temperature of this rig changes that."
     best = plan.steps[0]
     unit = unit_in_print(best.unit)
     text = (
-        f"Next: {best.words}{_with_turn(best)}. It reduces σ of {spaced(best.parameter)} from "
+        f"Next: {best.words}{_with_turn(best)}. It reduces σ of {without_underscores(best.parameter)} from "
         f"{significant(best.sigma_now, 3)} to {significant(best.sigma_after, 3)} {unit}; of all parameters together no "
         "other step gains more in its time."
     )
@@ -124,23 +131,23 @@ def next_answer(plan: NextPlan) -> str:
 
 def _with_turn(step: NextStep) -> str:
     """Return how long a step takes with its turn; empty of a static run that goes on, whose words say how long."""
-    return f", {lasting(step.seconds)} with the turn" if step.angles or step.towards else ""
+    return f", {duration_in_words(step.seconds)} with the turn" if step.angles or step.towards else ""
 
 
-def _goal(plan: NextPlan) -> str:
+def distance_to_goal(plan: NextPlan) -> str:
     """Return how far it is to what is to be reached or separated; empty without a goal."""
     if plan.target is not None:
         short = [f"{p.name} {p.axis}".strip() for p in plan.not_reached]
         if not short:
-            return f"All {counted(len(plan.parameters), 'parameter')} reach the σ that was asked for."
-        named = listed([spaced(name) for name in short], MAX_NAMED)
+            return f"All {number_and_noun(len(plan.parameters), 'parameter')} reach the σ that was asked for."
+        named = list_in_words([without_underscores(name) for name in short], MAX_NAMED)
         verb = "has" if len(short) == 1 else "have"
         total = amount(len(plan.parameters), "parameter")
         return f"{len(short)} of {total} {verb} not reached the σ that was asked for: {named}."
     if plan.separation is None:
         return ""
     verb = "separate" if len(plan.separate) > 1 else "show"
-    named = listed([spaced(name.replace(":", " ")) for name in plan.separate])
+    named = list_in_words([without_underscores(name.replace(":", " ")) for name in plan.separate])
     size = f"ln Bayes factor {significant(plan.separation, 2)} expected at usual size"
     if plan.reached:
         return f"These recordings {verb} {named} ({size}): `gimbalcal diagnose` them."
@@ -155,26 +162,26 @@ def campaign_answer(c: CampaignSummary) -> str:
     rows = with_estimate(c)
     runs = amount(c.runs, "run")
     if not rows:
-        return f"{runs} without an estimate: {_reasons(c)}. Next: check the scenario."
-    low, high = chance(min(r.runs for r in rows), len(rows))
+        return f"{runs} without an estimate: {reasons_in_words(c)}. Next: check the scenario."
+    low, high = ratio_interval_by_chance(min(r.runs for r in rows), len(rows))
     ratios = [r.ratio for r in rows]
     large, off = larger_errors(rows), with_offset(rows)
     size = f"{min(ratios):.2f} to {max(ratios):.2f} times their σ over {amount(len(rows), 'parameter')}"
     text = f"In {runs} errors are {size}; chance alone gives {low:.2f} to {high:.2f}."
     if large:
         errors, exceed = ("errors", "exceed their") if len(large) > 1 else ("error", "exceeds its")
-        text += f" The {errors} of {_names(large)} {exceed} σ."
+        text += f" The {errors} of {names_of_rows(large)} {exceed} σ."
     if off:
-        text += f" The mean error of {_names(off)} is not zero."
+        text += f" The mean error of {names_of_rows(off)} is not zero."
     if c.failed:
-        text += f" {amount(c.failed, 'run')} ended with a reservation: {_reasons(c)}."
+        text += f" {amount(c.failed, 'run')} ended with a reservation: {reasons_in_words(c)}."
     if large or off:
         return f"{text} Next: `gimbalcal diagnose` a simulated recording of this scenario."
     small = min(r.runs for r in rows) < 50
     return f"{text} The σ are honest" + (" as far as so few runs show. Next: more of them, -n 200." if small else ".")
 
 
-def chance(runs: int, parameters: int) -> tuple[float, float]:
+def ratio_interval_by_chance(runs: int, parameters: int) -> tuple[float, float]:
     """Return the interval of the ratio of RMS error to sigma by chance, over all parameters jointly.
 
     n ratio^2 is chi^2 with n degrees of freedom.
@@ -194,7 +201,7 @@ def with_estimate(c: CampaignSummary) -> list[ParameterErrors]:
 
 def larger_errors(rows: Sequence[ParameterErrors]) -> list[ParameterErrors]:
     """Return parameters whose errors exceed their sigmas significantly and by a relevant amount, worst first."""
-    over = [r for r in rows if r.ratio > max(chance(r.runs, len(rows))[1], 1 + MAX_RELATIVE_EXCESS)]
+    over = [r for r in rows if r.ratio > max(ratio_interval_by_chance(r.runs, len(rows))[1], 1 + MAX_RELATIVE_EXCESS)]
     return sorted(over, key=lambda r: -r.ratio)
 
 
@@ -215,11 +222,11 @@ def _max_mean_sigmas(parameters: int) -> float:
     return float(-ndtri(MIN_P_VALUE / parameters / 2))
 
 
-def _names(rows: Sequence[ParameterErrors]) -> str:
-    return listed([label_in_words(r.parameter) for r in rows], MAX_NAMED)
+def names_of_rows(rows: Sequence[ParameterErrors]) -> str:
+    return list_in_words([label_in_words(r.parameter) for r in rows], MAX_NAMED)
 
 
-def _reasons(c: CampaignSummary) -> str:
+def reasons_in_words(c: CampaignSummary) -> str:
     worst = next(iter(c.outcomes), "")
     return typeset(worst.rstrip(".")) or "no reason is stated"
 
@@ -238,7 +245,7 @@ def noise_answer(noise: RestNoise) -> str:
 
 def navigation_answer(s: NavigationSummary) -> str:
     """Return the largest error of position without and with each calibration."""
-    text = answered(s.in_words)
+    text = as_sentences(s.in_words)
     if not s.increased:
         return text
     return f"{text} A calibration increases it: does it belong to this unit and to this time? See `gimbalcal compare`."

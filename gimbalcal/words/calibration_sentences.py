@@ -6,8 +6,17 @@ from math import isnan, sqrt
 from typing import TYPE_CHECKING, Literal
 
 from gimbalcal.units import from_si
-from gimbalcal.words.naming import capitalised, counted, label_in_words, leading, listed, sentence, spaced, typeset
-from gimbalcal.words.rounding import minus, significant
+from gimbalcal.words.naming import (
+    capitalised,
+    label_in_words,
+    leading_labels,
+    list_in_words,
+    number_and_noun,
+    sentence,
+    typeset,
+    without_underscores,
+)
+from gimbalcal.words.rounding import printed_number, significant
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
@@ -62,43 +71,43 @@ def calibration_in_words(c: Calibration) -> str:
     limits = "".join(f" {sentence(text)}" for text in c.provenance.limits or ())
     if c.outcome:
         return typeset(sentence(c.outcome) + limits)
-    residual = f"{capitalised(_residual(c))}.{_outliers(c)}"
-    return typeset(f"{residual}{limits} {_determined(c)}{_next_of_calibration(c)}")
+    residual = f"{capitalised(residual_against_noise(c))}.{outliers_sentence(c)}"
+    return typeset(f"{residual}{limits} {determined_sentence(c)}{_next_of_calibration(c)}")
 
 
 def _next_of_calibration(c: Calibration) -> str:
     """Return what to do with a calibration that fits; one that does not fit names the step with the reason."""
     if calibration_verdict(c) != "fits" or c.residual.dof <= 0:
         return ""
-    total, confounded = len(c.parameters), len(_confounded(c))
+    total, confounded = len(c.parameters), len(confounded_labels(c))
     if 0 < total < 2 * confounded:
         both = " and calibrate them jointly with this recording" if confounded < total else ""
         return f" Next: record more attitudes{both}; `gimbalcal observe` predicts what each determines."
     return " Next: `gimbalcal apply` corrects recordings with it."
 
 
-def _confounded(c: Calibration) -> list[str]:
+def confounded_labels(c: Calibration) -> list[str]:
     """Return the labels of the parameters that the data do not determine one by one."""
-    return list(dict.fromkeys(label for u in c.null_directions for label in leading(u.direction)))
+    return list(dict.fromkeys(label for u in c.null_directions for label in leading_labels(u.direction)))
 
 
-def _determined(c: Calibration) -> str:
-    parameters, confounded = c.parameters, _confounded(c)
+def determined_sentence(c: Calibration) -> str:
+    parameters, confounded = c.parameters, confounded_labels(c)
     if not c.null_directions:
-        return f"All {counted(len(parameters), 'parameter')} are determined."
-    names = listed([*map(label_in_words, confounded)], MAX_NAMED)
+        return f"All {number_and_noun(len(parameters), 'parameter')} are determined."
+    names = list_in_words([*map(label_in_words, confounded)], MAX_NAMED)
     separately = " separately" if len(confounded) > 1 else ""
     determined = f"{len(parameters) - len(confounded)} of {len(parameters)} parameters are determined"
     return f"{determined}; these data do not determine {names}{separately} (the report gives the reason)."
 
 
-def _residual(c: Calibration) -> str:
+def residual_against_noise(c: Calibration) -> str:
     """Return how large the residual is, and what that says of the model and of the noise."""
     ratio, _, judgement = goodness_of_fit(c.residual.chi2, c.residual.dof)
     if isnan(ratio):
         return "there are as many unknowns as data, so the fit cannot be tested: record more positions"
     if scaled_to_residual(c) and judgement == "fits":
-        return _scaled(c)
+        return residual_as_noise(c)
     stated = noise_is_stated(c)
     size = f"{ratio:.2f} times the {'stated noise' if stated else 'noise of the samples'}"
     if judgement == "fits":
@@ -123,7 +132,7 @@ def candidate_terms(c: Calibration) -> list[TermTest]:
     return [t for t in outside if t.p_value * len(outside) < MIN_P_VALUE]
 
 
-def _scaled(c: Calibration) -> str:
+def residual_as_noise(c: Calibration) -> str:
     """Return how large the residual is where its scatter is the only estimate of the noise."""
     rms = c.residual.rms
     force = sqrt(sum(x**2 for channel, x in rms.items() if channel.startswith("specific_force")))
@@ -131,7 +140,7 @@ def _scaled(c: Calibration) -> str:
         size = float(f"{star:.3g}")
         text = f"the residuals of the stars are {size:g} arcsec rms on the sky, and every sigma is scaled to them"
         if pattern := c.provenance.pattern:
-            follows = f"the residual {pattern.channel} follows the {spaced(pattern.axis)}"
+            follows = f"the residual {pattern.channel} follows the {without_underscores(pattern.axis)}"
             text += f"; but they are not noise: {follows}, and `gimbalcal diagnose` looks for the cause"
         for best in candidate_terms(c)[:1]:
             reduced = f"{significant(best.rms_with_arcsec, 3)} arcsec (`--with {best.tpoint or best.term}`)"
@@ -147,14 +156,14 @@ def _scaled(c: Calibration) -> str:
     return f"the readings scatter{size_of_force} about the calibration, and every sigma is scaled to that{wandering}"
 
 
-def _outliers(c: Calibration) -> str:
+def outliers_sentence(c: Calibration) -> str:
     """Return a sentence on stars far from all others; empty for none."""
     stars = c.provenance.far_off or ()
     if not stars:
         return ""
     worst = ", ".join(f"number {s.star} of “{s.title}” by {s.arcsec:.3g} arcsec" for s in stars[:3])
     one = len(stars) == 1
-    which = "One star is an outlier" if one else f"{capitalised(counted(len(stars), 'star'))} are outliers"
+    which = "One star is an outlier" if one else f"{capitalised(number_and_noun(len(stars), 'star'))} are outliers"
     why = stars[0].why
     omit = f"leave {'it' if one else 'them'} out"
     step = omit if why.startswith("mistaken") else "`gimbalcal diagnose` looks for the cause"
@@ -202,4 +211,4 @@ def navigation_checks(c: Calibration) -> list[dict[str, str]]:
         ("whiteness", f"{white['lag_one']:.3f} ± {white['sigma']:.3f}",
          f"Correlation of successive innovations; 0 is expected, and {of_lag}"),
     ]  # fmt: skip
-    return [{"name": name, "number": minus(number), "sentence": text} for name, number, text in checks]
+    return [{"name": name, "number": printed_number(number), "sentence": text} for name, number, text in checks]

@@ -28,15 +28,15 @@ from gimbalcal.words.law_sentences import laws_in_words, next_of_laws
 from gimbalcal.words.naming import (
     as_sentence,
     capitalised,
-    counted,
-    listed,
-    named,
-    spaced,
-    spoken,
+    labels_in_words,
+    list_in_words,
+    name_in_words,
+    number_and_noun,
     typeset,
     unit_in_print,
+    without_underscores,
 )
-from gimbalcal.words.rounding import CLEAR, distinct_from_zero, pdg, significant
+from gimbalcal.words.rounding import CLEAR, distinct_from_zero, pdg_rounded, significant
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.answer import Diagnosis
@@ -52,7 +52,7 @@ GIMBAL_STAGES = (Stage.ENCODER, Stage.AXIS_TILT)
 def headline(d: Diagnosis) -> str:
     """Return two to four sentences on a diagnosis; its curves give the size of the misfit in the readings."""
     if not d.outcome:
-        return _headline(d)
+        return verdict_headline(d)
     if d.provenance.get("untested"):
         return f"The model is not tested. {as_sentence(d.outcome)} Next: hold the unit in more attitudes."
     if d.verdict == "adequate":
@@ -64,24 +64,27 @@ def headline(d: Diagnosis) -> str:
     different = [u.shape.startswith(DIFFERENT_UNITS) for u in d.unexplained]
     if d.verdict == "unexplained" and different and all(different):
         return f"{as_sentence(d.outcome)} Otherwise no known physics is missing."
-    both = [_headline(d), _outcome(d.outcome)]
+    both = [verdict_headline(d), reservation_without_advice(d.outcome)]
     first = d.verdict == "unexplained" or d.provenance.get("sessions")
     return " ".join(both[::-1] if first else both)  # a fault of the recording, or that it is of two units, comes first
 
 
-def _headline(d: Diagnosis) -> str:
+def verdict_headline(d: Diagnosis) -> str:
     if d.verdict == "adequate":
-        return _adequate(d)
+        return adequate_headline(d)
     if d.verdict == "unexplained":
-        return _unexplained(d)
+        return unexplained_headline(d)
     if d.verdict == "not-identifiable":
         advice = next((f.separate_by for f in d.findings if f.separate_by), "")
         step = f"{advice[:1].lower()}{advice[1:]}" if advice else "record other positions or conditions."
-        each = [_perhaps(f) for f in d.findings[:MAX_FINDINGS]]
+        each = [as_one_of_several(f) for f in d.findings[:MAX_FINDINGS]]
         return " ".join(["Something is missing, and these data do not determine what.", *each, f"Next: {step}"])
-    text = " ".join(_perhaps(f) if _many(f) else f"{does(f)}{_alternatives(f)}" for f in d.findings[:MAX_FINDINGS])
+    text = " ".join(
+        as_one_of_several(f) if has_many_alternatives(f) else f"{finding_sentence(f)}{alternatives_sentence(f)}"
+        for f in d.findings[:MAX_FINDINGS]
+    )
     if len(d.findings) > MAX_FINDINGS:
-        text += f" {capitalised(counted(len(d.findings) - MAX_FINDINGS, 'further cause'))} below."
+        text += f" {capitalised(number_and_noun(len(d.findings) - MAX_FINDINGS, 'further cause'))} below."
     text += _size_in_readings(d)
     if d.laws:
         text += f" A further misfit has no known cause; a formula fits it: {laws_in_words(d.laws)}."
@@ -90,16 +93,16 @@ def _headline(d: Diagnosis) -> str:
     return f"{text} {_next_of_findings(d.findings)}"
 
 
-def _adequate(d: Diagnosis) -> str:
+def adequate_headline(d: Diagnosis) -> str:
     """Return what an adequate fit shows, of the sensors that were analysed, and an unexplained scatter."""
     for start, analysed in ((GYROSCOPES_NOT_ANALYSED, "accelerometers"), (FORCES_NOT_ANALYSED, "gyroscopes")):
         if omitted := next((n for n in d.provenance.get("notes", ()) if n.startswith(start)), ""):
-            fits = f"Nothing is missing in the model of the {analysed}{_residuals(d.fit)}"
+            fits = f"Nothing is missing in the model of the {analysed}{residuals_sentence(d.fit)}"
             return f"{fits}, whose calibration can be used. {omitted}"
     if excess := _excess_scatter(d.fit):
         change = f"outputs change from one position to the next: {excess}"
         return f"No known physics is missing, but {change}. The sigmas of the calibration include that scatter."
-    return f"Nothing is missing: the model explains these data{_residuals(d.fit)}. The calibration can be used."
+    return f"Nothing is missing: the model explains these data{residuals_sentence(d.fit)}. The calibration can be used."
 
 
 def _excess_scatter(fit: FitSummary) -> str:
@@ -110,33 +113,33 @@ def _excess_scatter(fit: FitSummary) -> str:
     return f"the residuals of the {name} are {ratio:.2g} times the standard error from the scatter of the samples"
 
 
-def _outcome(outcome: str) -> str:
+def reservation_without_advice(outcome: str) -> str:
     """Return the reservation of a calibration, without its advice to run a diagnosis: this is one."""
-    sentences = re.split(r"(?<=\.) (?=[A-Z])", spoken(outcome))
+    sentences = re.split(r"(?<=\.) (?=[A-Z])", labels_in_words(outcome))
     return " ".join(as_sentence(s) for s in sentences if "`gimbalcal diagnose`" not in s) or as_sentence(outcome)
 
 
-def does(f: Finding) -> str:
+def finding_sentence(f: Finding) -> str:
     """Return what one finding does, as a sentence with its size."""
-    return as_sentence(_does(f))
+    return as_sentence(finding_clause(f))
 
 
-def _does(f: Finding) -> str:
+def finding_clause(f: Finding) -> str:
     cls, size = CATALOGUE[f.effect], size_in_words(f)
     if not cls.says:
-        return f"{named(f.effect, f.axis)} is present in these data, {size}"
+        return f"{name_in_words(f.effect, f.axis)} is present in these data, {size}"
     if f.effect in DELAYS:
         channel, sign = DELAYS[f.effect]
         (p,) = f.parameters
-        value, sigma = pdg(abs(p.value), p.sigma)
+        value, sigma = pdg_rounded(abs(p.value), p.sigma)
         when = "later" if sign * p.value > 0 else "earlier"
         return f"{channel} is logged {value} ± {sigma} {p.unit} {when} than the other channels"
-    if f.effect == "position_blunder" and (position := _position(f)):
+    if f.effect == "position_blunder" and (position := position_number(f)):
         return f"position {position} was not set as its readout states, or was disturbed: {size}"
-    return cls.says.format(who=who(cls, f.axis), size=size)
+    return cls.says.format(who=sensor_in_words(cls, f.axis), size=size)
 
 
-def who(cls: type[Effect], axis: str) -> str:
+def sensor_in_words(cls: type[Effect], axis: str) -> str:
     """Return the sensor or axis that an effect belongs to.
 
     >>> who(CATALOGUE["bias_temperature"], "y"), who(CATALOGUE["gimbal_zero"], "inner")
@@ -146,13 +149,13 @@ def who(cls: type[Effect], axis: str) -> str:
     """
     several = "," in axis
     if cls.stage in GIMBAL_STAGES and several:
-        return f"each of the axes {listed([spaced(a.strip()) for a in axis.split(',')])}"
+        return f"each of the axes {list_in_words([without_underscores(a.strip()) for a in axis.split(',')])}"
     if cls.stage in GIMBAL_STAGES or axis in ("inner", "middle", "outer", "platform"):
-        return f"the {spaced(axis)} axis" if axis else "each axis"
+        return f"the {without_underscores(axis)} axis" if axis else "each axis"
     if cls.stage in GYROSCOPE_STAGES | SENSOR_STAGES:
         sensor = "gyroscope" if cls.stage in GYROSCOPE_STAGES else "accelerometer"
         return f"{sensor} {axis[0]}" if axis and axis[0] in "xyz" and not several else f"each {sensor}"
-    return spaced(axis) or "it"
+    return without_underscores(axis) or "it"
 
 
 def size_in_words(f: Finding) -> str:
@@ -163,16 +166,18 @@ def size_in_words(f: Finding) -> str:
     '14.83 ± 0.34 µg per °C'
     """
     fixed = {c.name for c in constants(CATALOGUE[f.effect])}
-    parts = _amplitudes([p for p in f.parameters if _own_name(p) not in fixed])
+    parts = combine_amplitudes([p for p in f.parameters if _own_name(p) not in fixed])
     clear = [p for p in parts if distinct_from_zero(p.value, p.sigma)]
     if parts and not clear:
-        return _at_most(max(parts, key=_bound))
+        return _at_most(max(parts, key=upper_bound))
     ranked = sorted(clear, key=lambda p: -abs(p.value))
     several = len({p.axis for p in parts}) > 1
-    sizes = [_one(p) + (f" ({spaced(p.axis)})" if several and p.axis else "") for p in ranked[:2]]
-    smaller = f" and {counted(len(parts) - 2, 'smaller', 'smaller')}" if len(ranked) > 2 else ""
+    sizes = [
+        value_in_words(p) + (f" ({without_underscores(p.axis)})" if several and p.axis else "") for p in ranked[:2]
+    ]
+    smaller = f" and {number_and_noun(len(parts) - 2, 'smaller', 'smaller')}" if len(ranked) > 2 else ""
     with_constants = "".join(
-        f", {CONSTANTS[_own_name(p)]} {_one(p, counts=True)}"
+        f", {CONSTANTS[_own_name(p)]} {value_in_words(p, counts=True)}"
         for p in f.parameters
         if _own_name(p) in fixed & CONSTANTS.keys() and distinct_from_zero(p.value, p.sigma)
     )
@@ -184,7 +189,7 @@ def _own_name(p: Estimate) -> str:
     return p.name.rpartition(".")[2]
 
 
-def _bound(p: Estimate) -> float:
+def upper_bound(p: Estimate) -> float:
     return float(abs(p.value) + CLEAR * p.sigma)
 
 
@@ -196,10 +201,10 @@ def _at_most(p: Estimate) -> str:
     'at most 37 mg per g²'
     """
     share = p.unit == "1"
-    return f"at most {significant(_bound(p) * (100 if share else 1), 2)} {'%' if share else unit_in_words(p.unit)}"
+    return f"at most {significant(upper_bound(p) * (100 if share else 1), 2)} {'%' if share else unit_in_words(p.unit)}"
 
 
-def _amplitudes(parameters: Sequence[Estimate]) -> list[Estimate]:
+def combine_amplitudes(parameters: Sequence[Estimate]) -> list[Estimate]:
     """Return the parameters with sine and cosine of one axis combined into their amplitude."""
     out: dict[tuple[str, str], Estimate] = {}
     for p in parameters:
@@ -214,12 +219,12 @@ def _amplitudes(parameters: Sequence[Estimate]) -> list[Estimate]:
     return list(out.values())
 
 
-def _one(p: Estimate, counts: bool = False) -> str:
+def value_in_words(p: Estimate, counts: bool = False) -> str:
     """Return value and sigma; a plain number is a share, in per cent, unless it `counts`, as the teeth of a wheel."""
     value, sigma, unit = p.value, p.sigma, p.unit
     if unit == "1":
         value, sigma, unit = (value, sigma, "") if counts else (100 * value, 100 * sigma, "%")
-    size = f"{value:.4g}" if sigma <= 0 or not np.isfinite(sigma) else " ± ".join(pdg(value, sigma))
+    size = f"{value:.4g}" if sigma <= 0 or not np.isfinite(sigma) else " ± ".join(pdg_rounded(value, sigma))
     return f"{size} {unit_in_words(unit)}".strip().replace("-", "−")
 
 
@@ -233,27 +238,27 @@ def unit_in_words(unit: str) -> str:
     return unit_in_print(plain.replace("/", " per ").replace("|", "/").replace("(", "").replace(")", ""))
 
 
-def _position(f: Finding) -> int:
+def position_number(f: Finding) -> int:
     return next((round(p.value) for p in f.parameters if _own_name(p) == "position"), 0)
 
 
-def _alternatives(f: Finding) -> str:
-    names = " or ".join(named(t) for t in f.twins)
+def alternatives_sentence(f: Finding) -> str:
+    names = " or ".join(name_in_words(t) for t in f.twins)
     return f" It may equally be {names}: these data do not distinguish them." if names else ""
 
 
-def _many(f: Finding) -> bool:
+def has_many_alternatives(f: Finding) -> bool:
     """Return whether a finding has more confounded causes than are named one by one."""
     return 1 + len(f.twins) > MAX_ALTERNATIVES
 
 
-def _perhaps(f: Finding) -> str:
+def as_one_of_several(f: Finding) -> str:
     """Return a finding as one of several causes that fit equally well."""
-    names = [named(t) for t in f.twins]
+    names = [name_in_words(t) for t in f.twins]
     other = f", or the cause is {' or '.join(names)}" if names else ""
-    if _many(f):
-        other = f", or the cause is one of {counted(len(names), 'other')} that fit these data equally well"
-    return f"Possibly {_does(f)}{other}."
+    if has_many_alternatives(f):
+        other = f", or the cause is one of {number_and_noun(len(names), 'other')} that fit these data equally well"
+    return f"Possibly {finding_clause(f)}{other}."
 
 
 def _next_of_findings(findings: Sequence[Finding]) -> str:
@@ -261,7 +266,7 @@ def _next_of_findings(findings: Sequence[Finding]) -> str:
     disturbed = [f for f in findings if f.effect == "position_blunder"]
     added = [f for f in findings if f not in late and f not in disturbed]
     steps = ["shift the time stamps by that much"] if late else []
-    steps += [f"leave position {_position(f)} out, or record it again" for f in disturbed]
+    steps += [f"leave position {position_number(f)} out, or record it again" for f in disturbed]
     if added:
         options = " ".join(f"--with {f.effect}{f':{f.axis}' if f.axis and ' ' not in f.axis else ''}" for f in added)
         which = "it" if len(added) == 1 else "them"
@@ -271,23 +276,23 @@ def _next_of_findings(findings: Sequence[Finding]) -> str:
     return f"Next: {'; '.join(steps)}."
 
 
-def _unexplained(d: Diagnosis) -> str:
+def unexplained_headline(d: Diagnosis) -> str:
     size = _size_in_readings(d)
     if d.laws:
         formula = f"{as_sentence(laws_in_words(d.laws))} No known effect does that; a formula fits these data."
         return f"{formula}{size} {next_of_laws(d.laws, d.recommend)}"
     shape = next(iter(d.unexplained), None)
-    follows = f" It {_follows(shape.shape)}, in {spaced(shape.channel)}." if shape else ""
+    follows = f" It {shape_sentence(shape.shape)}, in {without_underscores(shape.channel)}." if shape else ""
     usual = "look at the chart below, and record again while that quantity is varied deliberately"
     step = f"Next: {typeset((d.recommend or usual).rstrip('.'))}. Do not trust the calibration beyond that."
     return f"Something is missing that no known effect explains.{size}{follows} {step}"
 
 
-def _follows(shape: str) -> str:
+def shape_sentence(shape: str) -> str:
     return shape if shape.startswith(("depends", "follows", "is ", "comes", "grows")) else f"looks like {shape}"
 
 
-def _residuals(fit: FitSummary) -> str:
+def residuals_sentence(fit: FitSummary) -> str:
     """Return how large the residuals of an adequate fit are: in their unit, or relative to the noise that is known."""
     if (misfit := fit.misfit) is not None:
         size = f"{significant(misfit.rms_after, 3)} {unit_in_print(misfit.unit)}"
@@ -307,10 +312,10 @@ def _size_in_readings(d: Diagnosis) -> str:
     i = curves.channels.index(worst) if worst in curves.channels else int(np.argmax(moved.max(axis=0)))
     size, unit = float(moved[:, i].max()), curves.units[i]
     if not size:
-        return f" The readings are off by {_amount(float(np.sqrt((residual[:, i] ** 2).mean())), unit)} rms."
-    return f" Without it, readings are off by up to {_amount(size, unit)}."
+        return f" The readings are off by {size_in_print(float(np.sqrt((residual[:, i] ** 2).mean())), unit)} rms."
+    return f" Without it, readings are off by up to {size_in_print(size, unit)}."
 
 
-def _amount(size: float, unit: str) -> str:
+def size_in_print(size: float, unit: str) -> str:
     printed = printed_unit(size, unit)
     return f"{significant(float(from_si(to_si(size, unit), printed)), 2)} {unit_in_print(printed)}"

@@ -12,7 +12,7 @@ import numpy as np
 
 from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.number import Array
-from gimbalcal.words.naming import capitalised, listed, spaced
+from gimbalcal.words.naming import capitalised, list_in_words, without_underscores
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.result import DetectionLimit, Finding, FitSummary, Mismatch, RecordingFit, Shape, ViewFit
@@ -42,7 +42,10 @@ def cause_in_words(effect: str, axis: str, twins: Sequence[str] = ()) -> str:
     >>> cause_in_words("bias_drift", "y", ("warm_up", "bias_step", "self_heating"))
     'one of 4 that fit equally well: bias drift (y), warm up, bias step, self heating'
     """
-    every = [f"{spaced(effect)} ({spaced(axis)})" if axis else spaced(effect), *(spaced(t) for t in twins)]
+    every = [
+        f"{without_underscores(effect)} ({without_underscores(axis)})" if axis else without_underscores(effect),
+        *(without_underscores(t) for t in twins),
+    ]
     if len(every) <= MAX_ALTERNATIVES:
         return " or ".join(every)
     return f"one of {len(every)} that fit equally well: {', '.join(every)}"
@@ -69,7 +72,7 @@ def answer(
         if (unexplained and (sure or not instead))
         else ""
     )
-    named = causes(verdict, findings, unexplained if instead else ())
+    named = causes_sentence(verdict, findings, unexplained if instead else ())
     words = [f"{named}.", *fits, f"{rest}: {shape_in_words(unexplained[0])}." if rest else ""]
     return f"{' '.join(filter(None, words))}{largest_mismatch(mismatch)}"
 
@@ -80,10 +83,11 @@ def fit_in_words(v: View, fit: FitSummary, findings: Sequence[Finding], several:
         of = "Reduced chi^2 of the forces" if several else "Reduced chi^2"
         return chi2_reduction(fit, of) if findings else f"{of} is {fit.chi2_reduced_before:.3g}."
     of_view = cast("ViewFit", fit)
-    return f"{misfit_reduction(v, of_view) if findings else residuals(v, of_view)} {untested(v, of_view)}".strip()
+    size = misfit_reduction(v, of_view) if findings else residual_sentence(v, of_view)
+    return f"{size} {held_out_sentence(v, of_view)}".strip()
 
 
-def reservation(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape]) -> str:
+def reservation_sentence(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape]) -> str:
     """Return why the calibration of a diagnosis should not be used without care; empty where it can be."""
     if verdict == "unexplained":
         return f"{no_cause(unexplained)} The calibration contains the model without it"
@@ -91,7 +95,7 @@ def reservation(verdict: str, findings: Sequence[Finding], unexplained: Sequence
         return ""
     effects = " and ".join(cause_in_words(f.effect, f.axis) for f in findings if f.effect not in DELAYS)
     corrects = f" The calibration includes {effects}, which fits these data as well as the others" if effects else ""
-    return f"{causes(verdict, findings)}.{corrects}"
+    return f"{causes_sentence(verdict, findings)}.{corrects}"
 
 
 DELAYS = {  # the channel that is late where the value times the sign is positive
@@ -101,7 +105,7 @@ DELAYS = {  # the channel that is late where the value times the sign is positiv
 }
 
 
-def delays(findings: Sequence[Finding]) -> str:
+def delay_sentences(findings: Sequence[Finding]) -> str:
     """Return which channel is logged how much late or early, and what to do about it; empty for none."""
     parts = []
     for f in findings:
@@ -135,7 +139,7 @@ def gyroscopes_not_analysed(why: str) -> str:
 COUNTS_WITHOUT_SCALE = "they output counts, and no turn gives the size of a count"
 
 
-def causes(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape] = ()) -> str:
+def causes_sentence(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape] = ()) -> str:
     """Return the missing effects; where they are not determined, with the shape that may be there instead."""
     effects = " and ".join(cause_in_words(f.effect, f.axis, f.twins) for f in findings)
     if verdict != "not-identifiable":
@@ -156,7 +160,7 @@ def largest_mismatch(mismatch: Sequence[Mismatch]) -> str:
 
 def shape_in_words(unexplained: Shape) -> str:
     """Return a shape without a cause, with its channel."""
-    channel, shape = spaced(unexplained.channel), unexplained.shape
+    channel, shape = without_underscores(unexplained.channel), unexplained.shape
     return shape if channel.startswith("gimbal") and "gimbal" in shape else f"{shape} in {channel}"
 
 
@@ -174,7 +178,7 @@ def chi2_reduction(fit: FitSummary, of: str = "Reduced chi^2") -> str:
 def off_over_scan(channel: str, axis: str, where: str, p_value: float) -> str:
     """Return that a channel differs from the baseline somewhere, with the p-value of the whole scan."""
     p = "p < 1e-6" if p_value < 1e-6 else f"p = {p_value:.1g}"
-    return f"{spaced(channel).capitalize()} {axis} is off {where} ({p} over the whole scan)"
+    return f"{without_underscores(channel).capitalize()} {axis} is off {where} ({p} over the whole scan)"
 
 
 # --- several recordings -----------------------------------------------------------------------------------------------
@@ -217,7 +221,7 @@ def misheld_positions(each: Sequence[Sequence[str]]) -> str:
 # --- a view without a known noise -------------------------------------------------------------------------------------
 
 
-def digits(x: float) -> str:
+def three_digits(x: float) -> str:
     """Return a positive number with three digits, without a power of ten while it is readable.
 
     >>> digits(1921.3), digits(0.9317)
@@ -231,18 +235,18 @@ def channel_of(v: View, axis: str) -> str:
     return v.measurement.channel.format(axis=axis)
 
 
-def follows(v: View, axis: str, size: float, pattern: str) -> str:
+def pattern_sentence(v: View, axis: str, size: float, pattern: str) -> str:
     """Return that a channel has a pattern."""
-    return f"The misfit of {channel_of(v, axis)} ({digits(size)} {v.unit} rms) follows {pattern}"
+    return f"The misfit of {channel_of(v, axis)} ({three_digits(size)} {v.unit} rms) follows {pattern}"
 
 
 def follows_sensor(v: View, quantity: str, axis: str, size: float, pattern: str) -> str:
     """Return that the output of a navigator has a pattern that a sensor explains."""
-    misfit = f"The misfit of {v.measurement.channels} ({digits(size)} {v.unit} rms)"
-    return f"{misfit} follows {pattern} in {spaced(quantity)} {axis}"
+    misfit = f"The misfit of {v.measurement.channels} ({three_digits(size)} {v.unit} rms)"
+    return f"{misfit} follows {pattern} in {without_underscores(quantity)} {axis}"
 
 
-def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
+def largest_misfit_sentence(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
     """Return how large a misfit without a pattern is, and where it is largest."""
     if v.label is None:
         time = v.time[np.sort(rows)]
@@ -251,8 +255,8 @@ def largest(v: View, axis: str, size: float, ratio: float, rows: Array) -> str:
         *most, last = (str(int(k)) for k in v.label[rows])
         where = f"at {v.measurement.rows} {' and '.join([*filter(None, [', '.join(most)]), last])}"
     return (
-        f"The misfit of {channel_of(v, axis)} is {digits(size)} {v.unit} rms, {ratio:.3g} times the final residual, "
-        f"and largest {where}"
+        f"The misfit of {channel_of(v, axis)} is {three_digits(size)} {v.unit} rms, {ratio:.3g} times the final "
+        f"residual, and largest {where}"
     )
 
 
@@ -260,9 +264,10 @@ def misfit_reduction(v: View, fit: ViewFit) -> str:
     """Return the change of a view's misfit by its findings, in its unit."""
     rows = v.measurement.rows
     out = (
-        f"The misfit of {v.measurement.channels} goes from {digits(fit.rms_before)} to {digits(fit.rms_after)} "
-        f"{v.unit} rms, and for held-out {rows} from {digits(fit.heldout_rms_before)} to "
-        f"{digits(fit.heldout_rms_after)} {v.unit}."
+        f"The misfit of {v.measurement.channels} goes from {three_digits(fit.rms_before)} to "
+        f"{three_digits(fit.rms_after)} "
+        f"{v.unit} rms, and for held-out {rows} from {three_digits(fit.heldout_rms_before)} to "
+        f"{three_digits(fit.heldout_rms_after)} {v.unit}."
     )
     if t := fit.turns:
         out += (
@@ -283,7 +288,7 @@ def omitted_stars(numbers: Sequence[int], sizes: Sequence[float], unit: str, why
     >>> omitted_stars([80], [0.763], "arcsec", "mistaken or not centred")
     'Star 80 is 0.763 arcsec off, unlike the others: mistaken or not centred; it was omitted.'
     """
-    stars = " and ".join(f"star {n} is {digits(size)} {unit} off" for n, size in zip(numbers, sizes, strict=True))
+    stars = " and ".join(f"star {n} is {three_digits(size)} {unit} off" for n, size in zip(numbers, sizes, strict=True))
     which = "it was" if len(numbers) == 1 else "they were"
     return f"S{stars[1:]}, unlike the others: {why}; {which} omitted."
 
@@ -294,23 +299,24 @@ def omitted_frames(times: Array, size: float) -> str:
     >>> omitted_frames(np.array([12.3]), 58.8)
     'One frame (at 12.3 s) is off its neighbours by 58.8 arcsec, unlike the others; it was omitted.'
     """
-    at = listed([f"{t:.6g} s" for t in times[:MAX_TIMES]]) + (", ..." if len(times) > MAX_TIMES else "")
+    at = list_in_words([f"{t:.6g} s" for t in times[:MAX_TIMES]]) + (", ..." if len(times) > MAX_TIMES else "")
     if len(times) == 1:
-        return f"One frame (at {at}) is off its neighbours by {digits(size)} arcsec, unlike the others; it was omitted."
+        off = f"off its neighbours by {three_digits(size)} arcsec"
+        return f"One frame (at {at}) is {off}, unlike the others; it was omitted."
     return (
-        f"{len(times)} frames (at {at}) are off their neighbours by up to {digits(size)} arcsec, unlike the others; "
-        "they were omitted."
+        f"{len(times)} frames (at {at}) are off their neighbours by up to {three_digits(size)} arcsec, unlike the "
+        "others; they were omitted."
     )
 
 
-def untested(v: View, fit: ViewFit) -> str:
+def held_out_sentence(v: View, fit: ViewFit) -> str:
     """Return that held-out rows are off far more than fitted ones, as for too few rows; empty otherwise."""
     if not fit.untested:
         return ""
     rows = v.measurement.rows
     return (
-        f"But held-out {rows} are off by {digits(fit.heldout_rms_after)} {v.unit}: a parameter depends on one of them "
-        f"alone, so these data do not test the model; record more {rows}."
+        f"But held-out {rows} are off by {three_digits(fit.heldout_rms_after)} {v.unit}: a parameter depends on one "
+        f"of them alone, so these data do not test the model; record more {rows}."
     )
 
 
@@ -323,13 +329,13 @@ def serial_correlation(v: View, correlation: float, sigma: float) -> str:
     )
 
 
-def residuals(v: View, fit: ViewFit) -> str:
+def residual_sentence(v: View, fit: ViewFit) -> str:
     """Return the residual of a view that its model explains, relative to the scatter of its samples if known."""
     if v.measurement.timing:
         bounds = {axis: abs(x.value) + 2 * x.sigma for axis, x in (fit.late or {}).items()}
         late = ", ".join(f"that of the {axis} is below {ms:.2g} ms" for axis, ms in bounds.items())
         return f"In {len(v)} slews no delay is significant: {late}."
-    start = f"The residual of {v.measurement.channels} is {digits(fit.rms_after)} {v.unit} rms without a pattern"
+    start = f"The residual of {v.measurement.channels} is {three_digits(fit.rms_after)} {v.unit} rms without a pattern"
     if fit.chi2_of_samples_after is None:
         return f"{start}."
     ratio, _ = fit.excess_scatter
@@ -353,7 +359,7 @@ MAX_LIMITS = 3  # detection limits that a sentence names
 
 def walk_in_words(walk: RandomWalkFinding) -> str:
     """Return the sensor that walks, or the triad, and the size of its walk."""
-    size = f"{digits(walk.walk)} +- {digits(walk.sigma)} {walk.unit}"
+    size = f"{three_digits(walk.walk)} +- {three_digits(walk.sigma)} {walk.unit}"
     where = f" in recording {walk.recording}" if walk.recording else ""
     if "," in walk.axis:
         return f"the {SENSOR_OF_WALK[walk.quantity]}s wander{where}, each by a random walk of {size}"
@@ -388,7 +394,7 @@ def limits_in_words(limits: Sequence[DetectionLimit]) -> str:
     hidden = sorted((t for t in limits if t.least > t.usual), key=lambda t: t.least / t.usual)
     if not hidden:
         return ""
-    each = [f"{cause_in_words(t.effect, t.axis)} below {digits(t.least)} {t.unit}" for t in hidden]
+    each = [f"{cause_in_words(t.effect, t.axis)} below {three_digits(t.least)} {t.unit}" for t in hidden]
     more = f" and {len(each) - MAX_LIMITS} more" if len(each) > MAX_LIMITS else ""
     return f"At their usual size these would not have shown: {', '.join(each[:MAX_LIMITS])}{more}."
 
@@ -414,7 +420,10 @@ def size_disagreement(name: str, agreement: Agreement) -> str:
 
 def constants_disagreement(agreement: ConstantsAgreement) -> str:
     """Return that recordings do not agree on the constants of the unit, and which differ most."""
-    each = [f"{spaced(f'{e.name} {e.axis}')} by {e.value:+.4g} ± {e.sigma:.2g} {e.unit}" for e in agreement.differences]
+    each = [
+        f"{without_underscores(f'{e.name} {e.axis}')} by {e.value:+.4g} ± {e.sigma:.2g} {e.unit}"
+        for e in agreement.differences
+    ]
     odd = agreement.odd
     which = f"recording {odd + 1} differs most from the others" if odd >= 0 else "the second differs"
     most = f"; {which}, in {', '.join(each)}" if each else ""
@@ -446,7 +455,7 @@ def cost_in_words(hours: float, known: float, left_out: float, raw: float | None
     >>> cost_in_words(24.0, 0.5, 0.003)
     'next to nothing of position, 5.6 m in 24 h at rest; with it in the calibration 0.5 n mile (one sigma) stay open'
     """  # noqa: E501
-    off, least, rest = _distance(left_out), _distance(known), "with it in the calibration"
+    off, least, rest = distance_in_words(left_out), distance_in_words(known), "with it in the calibration"
     if raw is None:
         if left_out < MIN_SHARE * known:
             return f"next to nothing of position, {off} in {hours:.3g} h at rest; {rest} {least} (one sigma) stay open"
@@ -458,11 +467,11 @@ def cost_in_words(hours: float, known: float, left_out: float, raw: float | None
         return f"nothing of position, off by up to {least} in {hours:.3g} h with it or without"
     return (
         f"in {hours:.3g} h the position is off by up to {off} if it is left out, {least} {rest}, "
-        f"{'only ' if raw < left_out else ''}{_distance(raw)} without any calibration"
+        f"{'only ' if raw < left_out else ''}{distance_in_words(raw)} without any calibration"
     )
 
 
-def _distance(miles: float) -> str:
+def distance_in_words(miles: float) -> str:
     """Two digits, in metres where n miles have too many zeros."""
     if miles < SHORT_NMI:
         return f"{miles * NAUTICAL_MILE:.2g} m"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gimbalcal.errors import amount
-from gimbalcal.words.naming import capitalised, listed, named
+from gimbalcal.words.naming import capitalised, list_in_words, name_in_words
 
 if TYPE_CHECKING:
     from gimbalcal.fleet.fleet_summary import FleetSummary
@@ -20,7 +20,7 @@ def fleet_in_words(f: FleetSummary) -> str:
         return f"None of {text} has a result: {f.reports[0].failure}. Next: correct them and run the batch again."
     text += f": {f.failed} failed" if f.failed else f" {'is' if f.recordings == 1 else 'are'} calibrated and diagnosed"
     verdicts = [f"{count} {verdict.replace('-', ' ')}" for verdict, count in f.verdicts.items()]
-    text += f"; {listed(verdicts)}." if verdicts else "."
+    text += f"; {list_in_words(verdicts)}." if verdicts else "."
     if not f.parameters:
         return f"{text} They are too few for a distribution of the parameters."
     outside = list(dict.fromkeys(o.unit for o in f.outside))
@@ -28,14 +28,14 @@ def fleet_in_words(f: FleetSummary) -> str:
         first = f.outside[0]
         are = "is" if len(outside) == 1 else "are"
         text += (
-            f" {listed(outside, MAX_NAMED)} {are} outside the distribution of the others, most clearly "
-            f"{named(first.name, first.axis)} of {first.unit}."
+            f" {list_in_words(outside, MAX_NAMED)} {are} outside the distribution of the others, most clearly "
+            f"{name_in_words(first.name, first.axis)} of {first.unit}."
         )
     else:
         text += " No unit is outside the distribution of the others."
-    drifting = [named(p.name, p.axis) for p in f.parameters if p.drifts]
+    drifting = [name_in_words(p.name, p.axis) for p in f.parameters if p.drifts]
     if drifting:
-        text += f" {capitalised(listed(drifting, MAX_NAMED))} changed with the date of the units."
+        text += f" {capitalised(list_in_words(drifting, MAX_NAMED))} changed with the date of the units."
     return text + _next_step(f)
 
 

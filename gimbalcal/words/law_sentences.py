@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from gimbalcal.words.naming import listed, named, spaced, typeset, unit_in_print
+from gimbalcal.words.naming import list_in_words, name_in_words, typeset, unit_in_print, without_underscores
 from gimbalcal.words.rounding import distinct_from_zero, significant
 
 if TYPE_CHECKING:
@@ -44,17 +44,17 @@ SEVERAL_FORMULAS = "take {more} in which {names} vary independently of each othe
 
 def shape_of_law(law: LawResult) -> str:
     """Return what a law follows, as the shape of a misfit."""
-    return f"a function of {listed([spaced(v) for v in law.variables])}"
+    return f"a function of {list_in_words([without_underscores(v) for v in law.variables])}"
 
 
 def laws_in_words(laws: Sequence[LawResult]) -> str:
     """Return which sensor is off by which formula, of all laws one after the other."""
     parts = []
     for law in laws:
-        sensor = SENSORS.get(law.channel, law.channel + " {}").format(spaced(law.axis))
+        sensor = SENSORS.get(law.channel, law.channel + " {}").format(without_underscores(law.axis))
         parts.append(f"{sensor} is off by {law_in_words(law.form, law.parameters, law.units)}")
-    known = list(dict.fromkeys(named(*one.split(":")) for law in laws for one in law.beside))
-    return "; ".join(parts) + (f", in addition to {listed(known)}, which is known" if known else "")
+    known = list(dict.fromkeys(name_in_words(*one.split(":")) for law in laws for one in law.beside))
+    return "; ".join(parts) + (f", in addition to {list_in_words(known)}, which is known" if known else "")
 
 
 def next_of_laws(laws: Sequence[LawResult], recommend: str) -> str:
@@ -79,7 +79,7 @@ def law_in_words(form: str, parameters: Sequence[Estimate], units: Mapping[str, 
     """
     numbers = {p.name: p for p in parameters}
     terms = re.split(r" \+ (?=[a-h]\*)", form)
-    fixed = {name: _constant(p) for name, p in numbers.items() if name not in {t[0] for t in terms}}
+    fixed = {name: constant_in_words(p) for name, p in numbers.items() if name not in {t[0] for t in terms}}
     clear = [t for t in terms if distinct_from_zero(numbers[t[0]].value, numbers[t[0]].sigma)] or terms
     out = ""
     for t in clear:
@@ -89,7 +89,7 @@ def law_in_words(form: str, parameters: Sequence[Estimate], units: Mapping[str, 
     return out.replace("· where", "where")
 
 
-def _constant(p: Estimate) -> str:
+def constant_in_words(p: Estimate) -> str:
     """Return a constant with its unit; an angle without one is in radians."""
     number, unit = significant(p.value, 4), p.unit
     if unit in ("1", "rad", "1/rad"):

@@ -16,27 +16,29 @@ if TYPE_CHECKING:
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
-def named(name: str, axis: str = "") -> str:
+def name_in_words(name: str, axis: str = "") -> str:
     """Return the name of a parameter or an effect in words: a parameter by its effect, so that each has one name.
 
     >>> named("gimbal_zero", "inner"), named("K3", "y")
     ('gimbal zero inner', 'cubic nonlinearity y')
     """
-    return f"{_names().get(name, name.replace('_', ' ').replace('.', ', '))} {axis.replace('_', ' ')}".strip()
+    return (
+        f"{names_by_parameter().get(name, name.replace('_', ' ').replace('.', ', '))} {axis.replace('_', ' ')}".strip()
+    )
 
 
 @cache
-def _names() -> dict[str, str]:
+def names_by_parameter() -> dict[str, str]:
     """Return the names of parameters: that of the effect, and their own after it where the effect has several."""
     from gimbalcal.effects import CATALOGUE, parameters
 
     names: dict[str, str] = {}
     for effect, cls in CATALOGUE.items():
         own = dict.fromkeys(p.name for p in parameters(cls, ("inner",)))
-        words = spaced(effect)
+        words = without_underscores(effect)
         for name in own:
             names.setdefault(name, words if len(own) == 1 else f"{words}, {name.replace('_', ' ')}")
-    return names | {effect: spaced(effect) for effect in CATALOGUE}
+    return names | {effect: without_underscores(effect) for effect in CATALOGUE}
 
 
 def label_of(row: Json) -> str:
@@ -55,7 +57,7 @@ def label_in_words(label: str) -> str:
     'misalignment xz'
     """
     name, _, axis = label.partition(":")
-    return named(name.replace(".", " "), axis)
+    return name_in_words(name.replace(".", " "), axis)
 
 
 def unit_in_print(unit: str) -> str:
@@ -70,7 +72,7 @@ def unit_in_print(unit: str) -> str:
     return text.replace("^2", "²").replace("^3", "³").replace("sqrt(h)", "√h").replace("sqrt(Hz)", "√Hz")
 
 
-def counted(n: int, noun: str, plural: str = "") -> str:
+def number_and_noun(n: int, noun: str, plural: str = "") -> str:
     """Return a number and its noun; numbers up to twelve in words.
 
     >>> counted(1, "direction"), counted(17, "direction"), counted(2, "axis", "axes")
@@ -80,7 +82,7 @@ def counted(n: int, noun: str, plural: str = "") -> str:
     return f"{number} {noun if n == 1 else plural or noun + 's'}"
 
 
-def listed(items: Sequence[str], most: int = 0) -> str:
+def list_in_words(items: Sequence[str], most: int = 0) -> str:
     """Return items as a list in a sentence; of more than `most`, if that is given, the first and how many others.
 
     >>> listed(["a", "b", "c"]), listed(["a", "b", "c", "d"], 2)
@@ -92,7 +94,7 @@ def listed(items: Sequence[str], most: int = 0) -> str:
 
 def unobservable_leading(unobservable: Iterable[Unobservable]) -> set[str]:
     """Return the labels that dominate the unobservable directions."""
-    return {label for u in unobservable for label in leading(u.direction)}
+    return {label for u in unobservable for label in leading_labels(u.direction)}
 
 
 def sentence(words: str) -> str:
@@ -115,7 +117,7 @@ def as_sentence(text: str) -> str:
     return sentence(typeset(text.strip()))
 
 
-def spaced(identifier: str) -> str:
+def without_underscores(identifier: str) -> str:
     """Return an identifier with spaces for underscores.
 
     >>> spaced("base_tilt")
@@ -124,13 +126,13 @@ def spaced(identifier: str) -> str:
     return identifier.replace("_", " ")
 
 
-def answered(in_words: str) -> str:
+def as_sentences(in_words: str) -> str:
     """Return the `in_words` of a result as sentences, for the console and the head of the page.
 
     >>> answered("changing +1 misalignment:xz -1 bias:y by 3 ug^2 does nothing")
     'Changing +1 misalignment xz −1 bias y by 3 µg² does nothing.'
     """
-    return "\n".join(as_sentence(spoken(line)) for line in in_words.split("\n"))
+    return "\n".join(as_sentence(labels_in_words(line)) for line in in_words.split("\n"))
 
 
 def capitalised(text: str) -> str:
@@ -138,7 +140,7 @@ def capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def leading(direction: Mapping[str, float], least: float = 0.1) -> list[str]:
+def leading_labels(direction: Mapping[str, float], least: float = 0.1) -> list[str]:
     """Return the labels that carry at least this share of the largest weight, the heaviest first."""
     top = max((abs(w) for w in direction.values()), default=0.0)
     ranked = sorted(direction, key=lambda label: -abs(direction[label]))
@@ -152,7 +154,7 @@ def direction_in_words(direction: Mapping[str, float]) -> str:
     'misalignment xz − gimbal zero platform + 0.50 bias x'
     """
     text = ""
-    ranked = leading(direction, 0.01)
+    ranked = leading_labels(direction, 0.01)
     first = direction[ranked[0]] if ranked else 1.0
     for label in ranked:
         weight = direction[label] * (-1 if first < 0 else 1)
@@ -170,22 +172,22 @@ def why_in_words(unobservable: Unobservable) -> str:
     for label in sorted(unobservable.direction, key=len, reverse=True):
         text = text.replace(label, label_in_words(label))
     known = "|".join(sorted(CATALOGUE, key=len, reverse=True))
-    return as_sentence(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda match: named(match[0]), text))
+    return as_sentence(re.sub(rf"(?<![.\w])({known})(?!\w)", lambda match: name_in_words(match[0]), text))
 
 
-def directions(unobservable: Iterable[Unobservable]) -> list[dict[str, str]]:
+def directions_in_words(unobservable: Iterable[Unobservable]) -> list[dict[str, str]]:
     """Return unobservable directions as pairs of a combination and its reason, in words."""
     return [{"direction": direction_in_words(u.direction), "why": why_in_words(u)} for u in unobservable]
 
 
-def spoken(text: str) -> str:
+def labels_in_words(text: str) -> str:
     """Return a text with the labels of parameters in words.
 
     >>> spoken("changing +1 misalignment:xz -1 K3:y; 10:30 stays")
     'changing +1 misalignment xz -1 cubic nonlinearity y; 10:30 stays'
     """
     labels = r"\b([A-Za-z]\w*):([a-z_]+)\b"
-    return re.sub(labels, lambda m: label_in_words(m[0]) if m[1] in _names() else m[0], text)
+    return re.sub(labels, lambda m: label_in_words(m[0]) if m[1] in names_by_parameter() else m[0], text)
 
 
 def typeset(text: str) -> str:
@@ -227,7 +229,7 @@ def as_text(value: Any) -> str:
     return str(value)
 
 
-def files(provenance: Mapping[str, Any], read: Sequence[Mapping[str, Any]] = ()) -> list[dict[str, str]]:
+def files_behind(provenance: Mapping[str, Any], read: Sequence[Mapping[str, Any]] = ()) -> list[dict[str, str]]:
     """Return path and SHA-256 of the files behind a result: recordings (or those `read`), then files of effects."""
     rows = [{"path": str(f["path"]), "sha256": str(f["sha256"])} for f in provenance.get("recordings") or read]
     defining = ((f"{f['path']}, which defines {', '.join(f['effects'])}", f) for f in provenance.get("effects", ()))
@@ -237,7 +239,7 @@ def files(provenance: Mapping[str, Any], read: Sequence[Mapping[str, Any]] = ())
 MAX_KINDS = 4  # of parameters that a sentence names
 
 
-def precision(sigmas: Iterable[tuple[str, float, str]]) -> str:
+def least_precise_sentence(sigmas: Iterable[tuple[str, float, str]]) -> str:
     """Return a sentence on the least precise parameter of each kind, a space before it; empty for none.
 
     sigmas: kind, sigma and unit of each parameter.
@@ -251,6 +253,6 @@ def precision(sigmas: Iterable[tuple[str, float, str]]) -> str:
     if not worst:
         return ""
     shown = list(worst.items())[:MAX_KINDS]
-    parts = [f"{named(kind)} {significant(sigma, 2)} {unit_in_print(unit)}" for kind, (sigma, unit) in shown]
+    parts = [f"{name_in_words(kind)} {significant(sigma, 2)} {unit_in_print(unit)}" for kind, (sigma, unit) in shown]
     more = f"; {len(worst) - MAX_KINDS} more in the report" if len(worst) > MAX_KINDS else ""
     return f" One σ at worst: {', '.join(parts)}{more}."

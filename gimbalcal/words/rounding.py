@@ -12,7 +12,7 @@ from gimbalcal.number import Array
 CLEAR = 2.0  # sigmas; a smaller value is given as an upper bound
 
 
-def pdg(value: float, sigma: float) -> tuple[str, str]:
+def pdg_rounded(value: float, sigma: float) -> tuple[str, str]:
     """Return value and sigma as text, rounded by the rule of the Particle Data Group [pdg].
 
     If the three highest digits of sigma lie between 100 and 354, two digits are kept; between 355 and 949, one;
@@ -29,7 +29,7 @@ def pdg(value: float, sigma: float) -> tuple[str, str]:
     if not (isfinite(value) and isfinite(sigma)) or sigma <= 0:
         return f"{value:.6g}", f"{sigma:.3g}"
     place = last_place(sigma)
-    return _at(value, place), _at(sigma, place)
+    return rounded_at(value, place), rounded_at(sigma, place)
 
 
 def distinct_from_zero(value: float, sigma: float) -> bool:
@@ -50,7 +50,7 @@ def last_place(sigma: float) -> int:
     return int(exponent)
 
 
-def _at(x: float, place: int) -> str:
+def rounded_at(x: float, place: int) -> str:
     """Return x rounded half to even at 10^place, in plain decimal notation without a negative zero."""
     with localcontext(prec=700):  # a float has digits from 1e308 down to 1e-324
         rounded = Decimal(repr(float(x))).quantize(Decimal(1).scaleb(place), rounding=ROUND_HALF_EVEN)
@@ -68,7 +68,7 @@ def significant(x: float, digits: int = 3) -> str:
         return f"{x:g}"
     exponent = int(f"{x:e}".split("e")[1])
     if not -5 < exponent < 6:
-        return _raised(f"{x:.{digits - 1}e}")
+        return with_raised_power(f"{x:.{digits - 1}e}")
     return f"{float(f'{x:.{digits - 1}e}'):.{max(digits - 1 - exponent, 0)}f}"
 
 
@@ -81,16 +81,16 @@ def p_value(p: float) -> str:
     return "< 10⁻⁶" if p < 1e-6 else significant(p, 2)
 
 
-def minus(text: str) -> str:
+def printed_number(text: str) -> str:
     """Return a number as it is printed: with the minus sign that lines up with figures, a power of ten raised.
 
     >>> minus("-0.5"), minus("3.20e-09"), minus("1e+06")
     ('−0.5', '3.20·10⁻⁹', '10⁶')
     """
-    return _raised(text).replace("-", "−")
+    return with_raised_power(text).replace("-", "−")
 
 
-def _raised(text: str) -> str:
+def with_raised_power(text: str) -> str:
     """Return a number with the power of ten after its e raised; any other text unchanged."""
     mantissa, e, power = text.partition("e")
     if not e or not power.lstrip("+-").isdigit():
@@ -113,7 +113,7 @@ def rms(x: Array) -> str:
     return significant(float(np.sqrt(np.mean(x**2))), 3)
 
 
-def lasting(seconds: float) -> str:
+def duration_in_words(seconds: float) -> str:
     """Return a duration in a readable unit.
 
     >>> lasting(0.02), lasting(300.0), lasting(172800.0), lasting(400000.0)

@@ -18,7 +18,7 @@ from gimbalcal import atomic
 from gimbalcal.cli.options import _as_printed
 from gimbalcal.entries import read_json
 from gimbalcal.errors import InputError
-from gimbalcal.history import StoredResult, keep, kept
+from gimbalcal.history import StoredResult, keep, kept_entries
 from gimbalcal.history.unit_store import WAIT_S, refuse_unusable
 from gimbalcal.importers import import_files
 from gimbalcal.recording import read
@@ -86,7 +86,7 @@ def test_a_store_that_cannot_be_written_is_compared():
         Path(name).chmod(0o555)
         os.setresuid(65534, 65534, 0)
         try:
-            assert [e.unit for e in kept(path)] == ["u"]
+            assert [e.unit for e in kept_entries(path)] == ["u"]
             with pytest.raises(InputError, match="cannot be used as a store"):
                 keep(path, entry("v"))
         finally:
@@ -113,7 +113,7 @@ def test_a_store_notices_what_stands_outside_the_content(tmp_path, column):
     with sqlite3.connect(path, timeout=WAIT_S) as base:
         base.execute(f"update entries set {column} = '2020-01-01'")
     with pytest.raises(InputError, match="is not what was kept"):
-        kept(path)
+        kept_entries(path)
 
 
 @pytest.mark.parametrize(("text", "sentence"), [

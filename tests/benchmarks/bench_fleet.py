@@ -25,7 +25,7 @@ from gimbalcal.campaign.workers import connect
 from gimbalcal.effects import values
 from gimbalcal.errors import InputError
 from gimbalcal.fleet import run_batch
-from gimbalcal.history import StoredResult, keep, kept
+from gimbalcal.history import StoredResult, keep, kept_entries
 from gimbalcal.history.fleet import Fleet, fleet_of_store
 from gimbalcal.history.unit_store import CALIBRATION
 from gimbalcal.methods import calibrate
@@ -98,7 +98,7 @@ def killed(rigs: Path, folder: Path, count: int) -> str:
             run(address, processes, kills=True)
         except InputError as problem:
             ends.append(str(problem))
-    kept_then = len({e.unit for e in kept(store)})
+    kept_then = len({e.unit for e in kept_entries(store)})
     (folder / "second").mkdir()
     with dask_cluster(folder / "second") as (address, processes):
         run(address, processes, kills=False)
@@ -108,7 +108,7 @@ def killed(rigs: Path, folder: Path, count: int) -> str:
 
 def calibrated(store: Path, count: int, seconds: float) -> int:
     """Calibrate the units that a store lacks for so long, and keep them there; returns how many it holds."""
-    there = {e.unit for e in kept(store)} if store.exists() else set()
+    there = {e.unit for e in kept_entries(store)} if store.exists() else set()
     until, entries = time.monotonic() + seconds, []
     for k in range(count):
         if f"u{k}" not in there and time.monotonic() < until:

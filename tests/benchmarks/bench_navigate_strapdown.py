@@ -21,7 +21,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.methods import calibrate
-from gimbalcal.navigate.uncertainty import bands, navigated, usual
+from gimbalcal.navigate.uncertainty import navigation_errors, sigma_bands, usual_references
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import find
@@ -64,15 +64,15 @@ def by_methods(seed: int) -> Calibrations:
 
 def told(run: Recording, made: Calibrations, alignment: float) -> list[str]:
     """One line for each calibration."""
-    aids, out = usual(run, None, alignment), []
+    aids, out = usual_references(run, None, alignment), []
     for label, calibration in made:
-        n = navigated(run, calibration, aids)
+        n = navigation_errors(run, calibration, aids)
         north, east = np.rad2deg(n.largest[:2]) * 60
         line = f"  {label:10s} {n.position.max() / NAUTICAL_MILE:10.4g} n mile"
         line += f"   latitude {north:8.3g}'  longitude {east:8.3g}'"
         if label.endswith("states"):
             assert calibration is not None
-            (_, linear), (_, sampled) = bands(run, calibration, aids, 20, 1)
+            (_, linear), (_, sampled) = sigma_bands(run, calibration, aids, 20, 1)
             one, other = (np.rad2deg(x[:, :2].max(0)) * 60 for x in (linear, sampled))
             line += f"   one sigma {one[0]:.3g}', {one[1]:.3g}'; sampled {other[0]:.3g}', {other[1]:.3g}'"
         out.append(line)

@@ -19,7 +19,7 @@ from gimbalcal.design.next_step import REACHED, SETTLED, next_step
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, Hold, Schedule
-from gimbalcal.views.positions import planned
+from gimbalcal.views.positions import planned_recording
 from tests.benchmarks.collecting import say
 
 DWELL_S, SAMPLES, MOST = 600.0, 60, 60
@@ -31,7 +31,7 @@ SIZES = (1.0, 3.0, 10.0)  # times the usual one
 def dwells(angles: list[Array]) -> Recording:
     """A recording of dwells at these angles [rad], whose readings do not matter."""
     holds = tuple(Hold(tuple(map(float, a)), DWELL_S) for a in angles)
-    plan = planned(Schedule("bench", EIGHTEEN_POSITIONS.platform, holds), float(SAMPLES))
+    plan = planned_recording(Schedule("bench", EIGHTEEN_POSITIONS.platform, holds), float(SAMPLES))
     return replace(plan, noise=NOISE)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.design.turning import TurningExperiment, turning_experiment
-from gimbalcal.design.turning_design import stretched
+from gimbalcal.design.turning_design import with_total_duration
 from gimbalcal.effects import values
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.number import Array
@@ -48,7 +48,7 @@ class Setting:
     def turns(self) -> RotationSchedule:
         """The schedule, as long as it lasts here."""
         published = ROTATIONS[self.schedule]
-        return stretched(published, self.total) if self.total else published
+        return with_total_duration(published, self.total) if self.total else published
 
     @property
     def experiment(self) -> TurningExperiment:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.calibration.gravity_uncertainty import scaled, with_gravity, without_gravity
+from gimbalcal.calibration.gravity_uncertainty import scale_factor_direction, with_gravity, without_gravity
 from gimbalcal.recording import Site
 from tests.history.calibrations import LABELS, SIGMA, calibration
 from tests.recording.test_dwells import recording
@@ -18,7 +18,7 @@ def test_a_scale_factor_moves_as_a_reading_over_another_gravity():
     made = calibration(x / SIGMA)
     reading, share = 1.1 * 9.8, 1e-6
     moved = (reading / (9.8 * (1 + share)) - reading / 9.8) / share
-    u = scaled(made)
+    u = scale_factor_direction(made)
     np.testing.assert_allclose(np.abs(u[SCALE]), -moved, rtol=1e-5)
     assert np.delete(u, SCALE).tolist() == [0.0, 0.0, 0.0]
 

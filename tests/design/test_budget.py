@@ -12,7 +12,7 @@ from gimbalcal.earth import normal_gravity
 from gimbalcal.effects import with_values
 from gimbalcal.inference.information import solve
 from gimbalcal.navigate.stationary_base import still_base
-from gimbalcal.navigate.uncertainty import navigated, usual
+from gimbalcal.navigate.uncertainty import navigation_errors, usual_references
 from gimbalcal.pipeline import three_stage
 from gimbalcal.recording import Site
 from gimbalcal.simulate import load, simulate
@@ -86,7 +86,7 @@ def test_the_budget_is_what_happens(tmp_path):
     for seed in range(10):
         device, truth = simulate(tmp_path / "s.toml", seed)
         read = Calibration("truth", truth, (), np.zeros((0, 0)), (), Residual(0, 0, {})).corrupt(base)
-        squares.append(navigated(read, three_stage([device])).position ** 2)
+        squares.append(navigation_errors(read, three_stage([device])).position ** 2)
     whole = budget([tmp_path / "s.toml"], (6.0,)).whole[-1]
     # 2 axes of 10 units: 20 squares, a third of their mean
     assert np.sqrt(np.mean(squares, axis=0).max()) == pytest.approx(whole, rel=0.33)
@@ -154,5 +154,5 @@ def test_of_turns_it_is_one_sigma_of_navigations_with_that_covariance():
     for x in drawn:
         effects = with_values((), made.parameters, x)
         read = Calibration("drawn", effects, (), np.zeros((0, 0)), (), Residual(0, 0, {})).corrupt(run)
-        far.append(navigated(read, None, usual(read)).position ** 2)
+        far.append(navigation_errors(read, None, usual_references(read)).position ** 2)
     assert np.sqrt(np.mean(far, axis=0).max()) == pytest.approx(made.whole[-1], rel=0.33)

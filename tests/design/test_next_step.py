@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gimbalcal
-from gimbalcal.design.next_step import REACHED, SETTLED, WARMING_S, decreases, next_step
+from gimbalcal.design.next_step import REACHED, SETTLED, WARMING_S, next_step, variance_decreases
 from gimbalcal.recording import read
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
 from gimbalcal.words.answers import next_answer
@@ -23,7 +23,7 @@ def test_decreases_are_those_of_the_covariance():
     A, rows = rng.standard_normal((9, 5)), rng.standard_normal((7, 3, 5))
     F = np.eye(5) + A.T @ A
     after = [np.linalg.inv(F) - np.linalg.inv(F + r.T @ r) for r in rows]
-    np.testing.assert_allclose(decreases(rows, np.linalg.inv(F)), [np.diag(x) for x in after], atol=1e-12)
+    np.testing.assert_allclose(variance_decreases(rows, np.linalg.inv(F)), [np.diag(x) for x in after], atol=1e-12)
 
 
 def test_sigmas_now_are_those_of_the_calibration():

@@ -5,8 +5,23 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from gimbalcal.design.optimal import assess, assessed_design, design, gains, optimise, position_response, value
-from gimbalcal.design.rig_positions import PositioningRig, design_parameters, free_rig, grid, rig_of, whitened_rows
+from gimbalcal.design.optimal import (
+    assess_schedule,
+    assessed_design,
+    criterion_gains,
+    criterion_value,
+    design,
+    optimise,
+    position_response,
+)
+from gimbalcal.design.rig_positions import (
+    PositioningRig,
+    angle_grid,
+    design_parameters,
+    free_rig,
+    rig_of,
+    whitened_rows,
+)
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.estimate.accelerometers.multiposition import TERMS
 from gimbalcal.platform import KNOWN
@@ -22,9 +37,13 @@ def test_exchange_finds_the_best_of_all_choices(criterion, part):
     rng = np.random.default_rng(8)
     rows = 5 * rng.standard_normal((9, 1, 3))
     interest = np.array([True, True, not part])
-    best = max(combinations_with_replacement(range(9), 4), key=lambda c: value(rows[list(c)], criterion, interest))
+    best = max(
+        combinations_with_replacement(range(9), 4), key=lambda c: criterion_value(rows[list(c)], criterion, interest)
+    )
     found = optimise(rows, 4, criterion, interest, seed=1)
-    assert value(rows[found], criterion, interest) == pytest.approx(value(rows[list(best)], criterion, interest))
+    assert criterion_value(rows[found], criterion, interest) == pytest.approx(
+        criterion_value(rows[list(best)], criterion, interest)
+    )
 
 
 @pytest.mark.parametrize("criterion", ["D", "A"])
@@ -33,10 +52,10 @@ def test_gain_is_the_change_of_the_value(criterion):
     rows = rng.standard_normal((6, 3, 4))
     interest = np.array([True, False, True, True])
     F = np.eye(4) + np.einsum("cip,ciq->pq", rows[:3], rows[:3])
-    before = value(rows[:3], criterion, interest)
-    worth = gains(rows, F, criterion, interest)
+    before = criterion_value(rows[:3], criterion, interest)
+    worth = criterion_gains(rows, F, criterion, interest)
     for c in range(6):
-        after = value(np.concatenate([rows[:3], rows[c : c + 1]]), criterion, interest)
+        after = criterion_value(np.concatenate([rows[:3], rows[c : c + 1]]), criterion, interest)
         assert worth[c] == pytest.approx(after - before, abs=1e-12)  # the same algebra by another route
 
 
@@ -59,7 +78,7 @@ def test_predicted_sigma_is_that_of_a_calibration():
 
     rig = free_rig(TABLE, gravity=9.8, accelerometer=1e-5)
     wanted = design_parameters(rig, TERMS)
-    sigma = assess(FIFTEEN_POSITIONS, rig, wanted)[0]
+    sigma = assess_schedule(FIFTEEN_POSITIONS, rig, wanted)[0]
     bound = accelerometer_pulses(POSITIONS[None] * 9.8, 9.8, 1e-5).sigma[0]
     bias = [s for p, s in zip(wanted, sigma, strict=True) if p.effect == "bias"]
     # the prior, 500 ug against 2 ug, pulls the prediction down by its share of the information: below 1 %
@@ -67,7 +86,9 @@ def test_predicted_sigma_is_that_of_a_calibration():
 
 
 def test_a_rig_that_only_leans_is_told_what_it_cannot_support():
-    rig = PositioningRig(TABLE, {"outer": grid(0, np.pi / 6, np.pi / 12), "inner": grid(-np.pi, np.pi, np.pi / 4)})
+    rig = PositioningRig(
+        TABLE, {"outer": angle_grid(0, np.pi / 6, np.pi / 12), "inner": angle_grid(-np.pi, np.pi, np.pi / 4)}
+    )
     assert any("K3:z would be uncertain by" in words for words in design(rig, 15).unsupported)
 
 
@@ -86,7 +107,7 @@ def test_separating_confounded_effects_makes_both_known_better():
     wanted = design_parameters(rig, terms)
     plain, separated = (design(rig, 12, terms, separate=s).schedule for s in ((), pair))
     mine = np.array([p.effect in pair for p in wanted])
-    sigma = [assess(s, rig, wanted)[0][mine] for s in (plain, separated)]
+    sigma = [assess_schedule(s, rig, wanted)[0][mine] for s in (plain, separated)]
     assert np.prod(sigma[1]) < np.prod(sigma[0])
 
 
@@ -125,7 +146,7 @@ def test_positions_that_leave_the_smallest_error_of_a_days_navigation():
     wanted = design_parameters(rig, BASELINE["multi-position"])
     S = position_response(rig, wanted, (), 40.0)
     usual = design(rig, 10).schedule
-    own, other = (value(whitened_rows(s.angles, rig, wanted), "position", S) for s in (d.schedule, usual))
+    own, other = (criterion_value(whitened_rows(s.angles, rig, wanted), "position", S) for s in (d.schedule, usual))
     assert -own < 0.98 * -other
     assert f"{np.sqrt(-own):.3g} m of" in d.in_words
     golden_text(d.in_words)

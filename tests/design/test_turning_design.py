@@ -11,12 +11,12 @@ from gimbalcal.design.turning import turning_experiment
 from gimbalcal.design.turning_design import (
     Tour,
     TurningSearch,
-    allowed,
     as_tour,
-    changed,
     design_turning,
-    stretched,
+    keeps_table_limits,
+    neighbouring_tour,
     table_of,
+    with_total_duration,
 )
 from gimbalcal.schedule import ROTATIONS
 from gimbalcal.schedule.file import read_rotation
@@ -35,7 +35,7 @@ def search():
 def test_a_published_schedule_is_a_tour_of_a_two_axis_table(search, name):
     tour = as_tour(ROTATIONS[name], TABLE)
     assert tour is not None
-    made, published = search.schedule(tour), stretched(ROTATIONS[name], TABLE.total, TABLE)
+    made, published = search.schedule(tour), with_total_duration(ROTATIONS[name], TABLE.total, TABLE)
     np.testing.assert_allclose(made.attitudes(), published.attitudes(), atol=1e-12)
     assert trajectory(made).duration == pytest.approx(TABLE.total)
     assert trajectory(published).duration == pytest.approx(TABLE.total)
@@ -53,9 +53,9 @@ def test_the_sigma_of_the_search_is_that_of_the_schedule(search):
 def test_every_neighbour_that_is_allowed_keeps_the_limits():
     rng, tour, seen = np.random.default_rng(1), Tour((0, 0), ((0, 2), (1, 4), (0, -4))), set()
     for _ in range(400):
-        tour = changed(tour, rng, 4) if rng.random() < 0.5 else tour
-        near = changed(tour, rng, 4)
-        if not allowed(TABLE, near):
+        tour = neighbouring_tour(tour, rng, 4) if rng.random() < 0.5 else tour
+        near = neighbouring_tour(tour, rng, 4)
+        if not keeps_table_limits(TABLE, near):
             continue
         at = np.array([near.start, *(((s, 0) if a == 0 else (0, s)) for a, s in near.turns)])
         assert np.abs(np.cumsum(at, axis=0)).max() <= 8
@@ -78,7 +78,7 @@ def test_the_63_turns_are_better_than_both_papers_in_every_group_at_equal_durati
     mine = search.experiment.sigma(ROTATIONS["turns-63"])
     assert trajectory(ROTATIONS["turns-63"]).duration == pytest.approx(3870.0)
     rivals = [(ROTATIONS[n], t) for n in ("cai2016-18", "wei2022-30") for t in (None, table)]
-    theirs = [search.experiment.sigma(stretched(schedule, 3870.0, own)) for schedule, own in rivals]
+    theirs = [search.experiment.sigma(with_total_duration(schedule, 3870.0, own)) for schedule, own in rivals]
     for name, i in search.groups.items():
         assert mine[i].max() < 0.99 * min(s[i].max() for s in theirs), name
 

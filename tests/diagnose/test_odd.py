@@ -18,7 +18,7 @@ from gimbalcal.recording import Recording, Site, dwell_means, write
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from gimbalcal.views.norm import inverted
 from gimbalcal.views.pointing import pointing
-from gimbalcal.words.diagnosis_sentences import largest
+from gimbalcal.words.diagnosis_sentences import largest_misfit_sentence
 from tests.diagnose import plant, static_plant
 from tests.diagnose.plant import UG, at_strength, known, on, record
 from tests.diagnose.shipped_unit import by_hand as turned_by_hand
@@ -245,8 +245,8 @@ def test_a_law_that_reads_the_same_for_different_forces_is_refused():
 def test_rows_are_listed_however_few():
     """Words for the rows that are off most, however few there are."""
     v = pointing(few_stars(4))
-    assert largest(v, "across", 1.0, 2.0, np.array([2, 0, 1])).endswith("largest at stars 3, 1 and 2")
-    assert largest(v, "across", 1.0, 2.0, np.array([1])).endswith("largest at stars 2")
+    assert largest_misfit_sentence(v, "across", 1.0, 2.0, np.array([2, 0, 1])).endswith("largest at stars 3, 1 and 2")
+    assert largest_misfit_sentence(v, "across", 1.0, 2.0, np.array([1])).endswith("largest at stars 2")
 
 
 @pytest.mark.parametrize("name", ["one row", "no force"])

@@ -8,7 +8,7 @@ import numpy as np
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, absent, parameters
 from gimbalcal.effects.effect import constants as constants_of
-from gimbalcal.forward import turning
+from gimbalcal.forward import angular_rate
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
@@ -89,7 +89,7 @@ def experienced(kind: str) -> Stimulus:
     swing = np.zeros_like(s.readout)
     if kind == "rotation":
         swing = np.stack([A * 2 * np.pi / P * np.cos(2 * np.pi * s.time / P + 1) for _, A, P in SWINGS], axis=-1)
-    return s.at(rate=turning(RECORDINGS[kind].platform, s, (), swing))
+    return s.at(rate=angular_rate(RECORDINGS[kind].platform, s, (), swing))
 
 
 def ready(name: str, kind: str = "multi-position") -> Effect:

@@ -10,7 +10,7 @@ from gimbalcal.recording import Recording, Site
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, Schedule
 from gimbalcal.units import to_si
 from gimbalcal.views.core import View
-from gimbalcal.views.positions import Noise, planned, position_parameters, view_of_positions
+from gimbalcal.views.positions import Noise, planned_recording, position_parameters, view_of_positions
 
 ARCSEC = np.pi / 648000
 SAMPLE = 1.96e-4  # m/s^2 of one sample: 20 ug
@@ -43,12 +43,12 @@ def measured(
     samples: int = SAMPLES,
 ) -> Recording:
     """Dwell means at `readouts` (the schedule's if None) [rad], with setting errors and white noise, both stated."""
-    plan = replace(planned(schedule, samples, SITE), noise={**STATED, "gimbal_angle": setting})
+    plan = replace(planned_recording(schedule, samples, SITE), noise={**STATED, "gimbal_angle": setting})
     if readouts is not None:
         names = schedule.platform.axis_names
         plan = plan.with_channels({("gimbal_angle", a): readouts[:, i] for i, a in enumerate(names)})
     view = view_of_positions(plan, NOISE)
-    e = setting * rng.normal(size=view.local.zero.shape)
+    e = setting * rng.normal(size=view.local.zero_values.shape)
     force = outputs(view, effects(truth), e) + SAMPLE / np.sqrt(samples) * rng.normal(size=(len(e), 3))
     return plan.with_channels({("specific_force", a): force[:, i] for i, a in enumerate("xyz")})
 
@@ -56,7 +56,8 @@ def measured(
 def outputs(view: View, effects: tuple[Effect, ...], e: np.ndarray | None = None) -> np.ndarray:
     """Outputs (n, 3) [m/s^2] of a unit whose gimbals stand off their readouts by e (m, k) [rad] at each visit."""
     return (
-        view.source.triad("specific_force") - view.local.evaluate(effects, view.local.zero if e is None else e).residual
+        view.source.triad("specific_force")
+        - view.local.evaluate(effects, view.local.zero_values if e is None else e).residual
     )
 
 

@@ -25,7 +25,7 @@ def positions(truth, rng):
     """18 positions of 12 s with the stated noise of samples and settings."""
     blank = record(rng, dwell=12)
     view = view_of_positions(blank, NOISE, averaged=False)
-    e = ARCSEC * rng.standard_normal(view.local.zero.shape)
+    e = ARCSEC * rng.standard_normal(view.local.zero_values.shape)
     force = outputs(view, truth, e) + 20 * UG * rng.standard_normal((len(view), 3))
     return blank.with_channels({("specific_force", a): force[:, i] for i, a in enumerate("xyz")})
 

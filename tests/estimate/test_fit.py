@@ -15,7 +15,7 @@ from gimbalcal.schedule import EIGHTEEN_POSITIONS
 from gimbalcal.views.core import nuisance
 from gimbalcal.views.known_attitude import view_of_readings
 from gimbalcal.views.noise import NoiseModel
-from gimbalcal.views.positions import planned
+from gimbalcal.views.positions import planned_recording
 
 WANTED = (*parameters(Bias), *parameters(ScaleFactor))
 TRUE = np.array([3e-3, -2e-3, 1e-3, 2e-4, -1e-4, 3e-4])  # m/s^2, 1
@@ -24,7 +24,7 @@ FORCE, ANGLE = 1e-4, 3e-5  # one sigma of a row, m/s^2 and rad
 
 def forces(rng, sigma, noise=None):
     """Eighteen positions, in each of which three accelerometers err alike but for noise."""
-    r = planned(EIGHTEEN_POSITIONS)
+    r = planned_recording(EIGHTEEN_POSITIONS)
     read = readings(r)
     true = with_values((), WANTED, TRUE, r.platform.axis_names)
     read = replace(read, value=read.predicted(true) + sigma * rng.standard_normal(read.value.shape))

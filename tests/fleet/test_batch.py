@@ -18,7 +18,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.fleet import batch, run_batch
 from gimbalcal.fleet.fleet_summary import fleet_summary
 from gimbalcal.fleet.unit_recording import BatchTask, UnitRecording, entries_of, failed, recordings_of
-from gimbalcal.history import StoredResult, kept, of_store
+from gimbalcal.history import StoredResult, kept_entries, of_store
 from gimbalcal.history.fleet import fleet_of_store
 from gimbalcal.recording import Source, write
 from gimbalcal.report.fleet_page import fleet_report
@@ -82,7 +82,7 @@ def test_a_recording_that_fails_is_listed_and_the_others_are_calibrated(alone):
 def digits(store, *units):
     """Unit, kind and content of the entries of some units, without the time of their computation."""
     found = []
-    for e in kept(store):
+    for e in kept_entries(store):
         origin = {k: v for k, v in e.content["provenance"].items() if k != "created"}
         if e.unit in units:
             found.append((e.unit, e.kind, json.dumps({**e.content, "provenance": origin}, sort_keys=True)))
@@ -145,7 +145,7 @@ def test_a_killed_batch_continues_where_it_was(rigs, alone, tmp_path):
 
 def _present(store):
     try:
-        return len({e.unit for e in kept(store)})
+        return len({e.unit for e in kept_entries(store)})
     except InputError:  # its tables are being made
         return 0
 
@@ -165,7 +165,7 @@ def test_a_file_that_cannot_be_read_is_a_failure_of_its_recording_that_is_not_ke
         ("rig-000", False, True), ("rig-001", True, False)
     ]  # fmt: skip
     assert summary.reports[1].failure.endswith("samples.csv cannot be read (Permission denied)")
-    assert {e.unit for e in kept(store)} == {"rig-000"}
+    assert {e.unit for e in kept_entries(store)} == {"rig-000"}
 
 
 def test_a_failure_that_may_pass_is_not_kept(tmp_path, monkeypatch):
@@ -181,7 +181,7 @@ def test_a_failure_that_may_pass_is_not_kept(tmp_path, monkeypatch):
     write_units(tmp_path, 1, positions=6)
     for problem in (MemoryError(), OSError(24, "Too many open files"), ValueError("surprising")):
         assert fails(problem).failed == 1
-        assert not kept(tmp_path / "units.sqlite") if (tmp_path / "units.sqlite").exists() else True
+        assert not kept_entries(tmp_path / "units.sqlite") if (tmp_path / "units.sqlite").exists() else True
     assert fails(InputError("the clock runs backwards")).reports[0].failure == "the clock runs backwards"
     fails(MemoryError())
     assert told == [f"1 of 1 recording is in {tmp_path / 'units.sqlite'} already"]

@@ -13,7 +13,7 @@ from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.history import DatedCalibration, compare, dated_file
 from gimbalcal.report.history_page import history_report
 from gimbalcal.words.history_sentences import _parameter_name
-from gimbalcal.words.naming import named
+from gimbalcal.words.naming import name_in_words
 from tests.golden import golden_text, refused
 from tests.history.calibrations import LABELS, SIGMA, START, R, calibration, history
 
@@ -253,7 +253,7 @@ def test_gravities_of_two_places_are_not_in_common():
 
 def test_the_console_calls_a_parameter_as_the_page_does():
     every = [p for effect in CATALOGUE.values() for p in parameters(effect, ("inner",))]
-    assert [p for p in every if _parameter_name(p) not in named(p.name, p.axis).replace("_", " ")] == []
+    assert [p for p in every if _parameter_name(p) not in name_in_words(p.name, p.axis).replace("_", " ")] == []
     told = {_parameter_name(p) for p in every}
     assert {"bias temperature y", "cubic nonlinearity z", "misalignment xy"} <= told
     assert not told & {"b T y", "K3 z"}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.calibration.calibration import from_dict
-from gimbalcal.calibration.gravity_uncertainty import scaled
+from gimbalcal.calibration.gravity_uncertainty import scale_factor_direction
 from gimbalcal.effects import values
 from gimbalcal.errors import InputError
 from gimbalcal.history import DatedCalibration, StoredResult, keep
@@ -132,7 +132,7 @@ def test_no_number_of_units_averages_the_error_of_gravity_away():
     gravity = 5e-4
 
     def at_a_site(c):
-        u = scaled(c)
+        u = scale_factor_direction(c)
         origin = c.provenance.with_options(gravity=9.8, gravity_sigma_ppm=1e6 * gravity)
         return replace(c, covariance=c.covariance + gravity**2 * np.outer(u, u), provenance=origin)
 

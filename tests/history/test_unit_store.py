@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.history import DatedCalibration, StoredResult, keep, kept, of_store
-from gimbalcal.history.unit_store import when
+from gimbalcal.history import DatedCalibration, StoredResult, keep, kept_entries, of_store
+from gimbalcal.history.unit_store import date_of
 from gimbalcal.words.history_sentences import day_in_words
 from tests.golden import refused
 from tests.history.calibrations import SIGMA, START, calibration, history
@@ -56,9 +56,9 @@ def test_what_is_kept_comes_back_in_order(tmp_path):
     again = dict(made[0].content)
     again["provenance"] = {**again["provenance"], "created": "2030-01-01"}
     assert not keep(path, StoredResult("u", "2030-01-01", "calibration", again))
-    assert [e.date for e in kept(path)] == sorted(e.date for e in made)
-    assert [e.unit for e in kept(path, "v")] == ["v"]
-    assert next(e for e in kept(path) if e.kind == "diagnosis").content == made[3].content
+    assert [e.date for e in kept_entries(path)] == sorted(e.date for e in made)
+    assert [e.unit for e in kept_entries(path, "v")] == ["v"]
+    assert next(e for e in kept_entries(path) if e.kind == "diagnosis").content == made[3].content
     with closing(sqlite3.connect(path)) as base, base:
         rows = base.execute("select name, axis, value, sigma, unit from parameters").fetchall()
         assert base.execute("pragma journal_mode").fetchone() == ("wal",)
@@ -96,7 +96,7 @@ def test_a_date_without_a_zone_is_in_utc_and_two_of_a_day_have_their_time(monkey
     time.tzset()
     try:
         morning, evening = (
-            DatedCalibration("", when(f"2024-02-03T{hour:02d}:00:00"), history(0)[0].calibration) for hour in (9, 20)
+            DatedCalibration("", date_of(f"2024-02-03T{hour:02d}:00:00"), history(0)[0].calibration) for hour in (9, 20)
         )
     finally:
         monkeypatch.undo()
@@ -115,7 +115,7 @@ def test_units_and_strange_files_are_told_apart(tmp_path):
     with refused():
         of_store(path, "w")
     with refused():
-        kept(tmp_path / "none.db")
+        kept_entries(tmp_path / "none.db")
     text, other = tmp_path / "text.db", tmp_path / "other.db"
     text.write_text("no database at all, but long enough to be one" * 20)
     with closing(sqlite3.connect(other)) as base, base:
@@ -144,7 +144,7 @@ def test_an_entry_that_is_not_what_was_kept_is_refused(tmp_path, damage):
     with closing(sqlite3.connect(path)) as base, base:
         assert base.execute(f"update entries set {damage} where id = 1").rowcount == 1
     with refused():
-        kept(path)
+        kept_entries(path)
 
 
 def test_who_makes_a_store_waits_for_another_who_makes_it(tmp_path, monkeypatch):
@@ -160,7 +160,7 @@ def test_who_makes_a_store_waits_for_another_who_makes_it(tmp_path, monkeypatch)
         done.start()
         assert keep(path, entry(0))
         done.join()
-    assert len(kept(path)) == 1
+    assert len(kept_entries(path)) == 1
 
 
 def test_a_store_that_another_makes_while_it_is_looked_at_is_no_other_programs(tmp_path, monkeypatch):
@@ -178,7 +178,7 @@ def test_a_store_that_another_makes_while_it_is_looked_at_is_no_other_programs(t
     monkeypatch.setattr(sqlite3, "connect", partial(connect, factory=Interrupted))
     assert keep(path, entry(0))
     assert others == []
-    assert entry(0).date in {e.date for e in kept(path)}
+    assert entry(0).date in {e.date for e in kept_entries(path)}
 
 
 def test_two_writers_at_once_lose_nothing(tmp_path):
@@ -187,7 +187,7 @@ def test_two_writers_at_once_lose_nothing(tmp_path):
     told = [len(p.communicate(timeout=120)[0].split()) for p in both]
     assert told == [count, count]
     assert [p.returncode for p in both] == [0, 0]
-    assert {e.date for e in kept(path)} == {entry(k).date for k in range(2 * count)}
+    assert {e.date for e in kept_entries(path)} == {entry(k).date for k in range(2 * count)}
 
 
 def test_a_writer_that_is_killed_leaves_what_it_had_kept(tmp_path):
@@ -203,8 +203,8 @@ def test_a_writer_that_is_killed_leaves_what_it_had_kept(tmp_path):
         with closing(sqlite3.connect(path)) as base, base:
             assert base.execute("pragma integrity_check").fetchone() == ("ok",)
     there = {round((np.datetime64(e.date[:19]) - np.datetime64(START.replace(tzinfo=None))) / np.timedelta64(90, "D"))
-             for e in kept(path)}  # fmt: skip
+             for e in kept_entries(path)}  # fmt: skip
     assert done <= there
     assert len(there - done) <= 3  # kept, and killed before it said so
-    for e in kept(path):
+    for e in kept_entries(path):
         assert len(e.content["parameters"]) == 6

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.inference.allan import covariance, curve, fit, law
+from gimbalcal.inference.allan import allan_curve, allan_law, covariance, fit
 
 
 def noise(n, step, N, B, K, rng):
@@ -18,7 +18,7 @@ def noise(n, step, N, B, K, rng):
 
 def test_the_variance_is_that_of_the_definition():
     x = np.random.default_rng(1).standard_normal(40)
-    c = curve(x, [slice(0, 40)], 0.5)
+    c = allan_curve(x, [slice(0, 40)], 0.5)
     for m, found in zip((1, 2, 4, 8), c.variance, strict=True):
         means = np.array([x[k : k + m].mean() for k in range(40 - m + 1)])
         assert found == pytest.approx(0.5 * np.mean((means[m:] - means[:-m]) ** 2), rel=1e-12)
@@ -27,7 +27,7 @@ def test_the_variance_is_that_of_the_definition():
 
 def test_stretches_are_pooled_and_never_differenced_across():
     x = np.concatenate([np.random.default_rng(2).standard_normal(64), 1e6 + np.zeros(64)])
-    both, one = curve(x, [slice(0, 64), slice(64, 128)], 1.0), curve(x, [slice(0, 64)], 1.0)
+    both, one = allan_curve(x, [slice(0, 64), slice(64, 128)], 1.0), allan_curve(x, [slice(0, 64)], 1.0)
     assert both.variance == pytest.approx(one.variance / 2)
 
 
@@ -35,9 +35,9 @@ def test_stretches_are_pooled_and_never_differenced_across():
 def test_covariance_is_that_of_many_draws(square):
     rng, n = np.random.default_rng(3), 512
     draws = np.array([
-        curve(noise(n, 1.0, *np.sqrt(square), rng), [slice(0, n)], 1.0).variance for _ in range(1500)
+        allan_curve(noise(n, 1.0, *np.sqrt(square), rng), [slice(0, n)], 1.0).variance for _ in range(1500)
     ])  # fmt: skip
-    c = curve(np.ones(n) * np.arange(n), [slice(0, n)], 1.0)
+    c = allan_curve(np.ones(n) * np.arange(n), [slice(0, n)], 1.0)
     C = covariance(c, np.array(square))
     assert np.sqrt(np.diag(C)) == pytest.approx(draws.std(axis=0), rel=0.15)
     assert C[1, 2] / np.sqrt(C[1, 1] * C[2, 2]) == pytest.approx(np.corrcoef(draws[:, 1:3].T)[0, 1], abs=0.1)
@@ -45,7 +45,7 @@ def test_covariance_is_that_of_many_draws(square):
 
 def test_coefficients_are_found_with_their_sigmas():
     truth = np.array([1.0, 0.09, 0.0])
-    c = curve(noise(20_000, 0.1, 1, 0.3, 0, np.random.default_rng(4)), [slice(0, 20_000)], 0.1)
+    c = allan_curve(noise(20_000, 0.1, 1, 0.3, 0, np.random.default_rng(4)), [slice(0, 20_000)], 0.1)
     f = fit(c)
     assert f.first == 0
     assert f.p_value > 1e-3
@@ -58,7 +58,7 @@ def test_coefficients_are_found_with_their_sigmas():
 def test_a_filter_before_the_logger_hides_short_times_only():
     white = np.random.default_rng(5).standard_normal(40_000)
     filtered = np.convolve(white, np.ones(6) / 6, mode="valid")
-    f = fit(curve(filtered, [slice(0, len(filtered))], 1.0))
+    f = fit(allan_curve(filtered, [slice(0, len(filtered))], 1.0))
     assert f.first >= 3
     assert np.sqrt(f.square[0]) == pytest.approx(1.0, abs=0.05)
 
@@ -72,9 +72,9 @@ def test_noise_that_is_correlated_over_decades_is_no_filter():
     for tau in (0.05, 0.5, 5.0):
         rho = np.exp(-step / tau)
         x += lfilter([np.sqrt(1 - rho**2)], [1, -rho], rng.standard_normal(n))
-    c = curve(x, [slice(0, n)], step)
+    c = allan_curve(x, [slice(0, n)], step)
     f = fit(c)
-    ratio = law(c.tau) @ f.square / c.variance
+    ratio = allan_law(c.tau) @ f.square / c.variance
     assert f.p_value < 1e-3
     assert 1 / 9 < ratio.min() < ratio.max() < 9
 
@@ -86,7 +86,7 @@ def test_white_noise_below_a_disturbance_is_not_behind_a_filter():
     sag = np.exp(-0.5 * ((np.arange(1200) - 600) * step / 1.5) ** 2)
     for start in range(1000, n - 1200, 6000):
         x[start : start + 1200] -= 25 * sag
-    c = curve(x, [slice(0, n)], step)
+    c = allan_curve(x, [slice(0, n)], step)
     f = fit(c)
     assert f.first == 0
     assert f.p_value < 1e-3
@@ -94,4 +94,4 @@ def test_white_noise_below_a_disturbance_is_not_behind_a_filter():
 
 
 def test_the_law_has_the_floor_of_a_flicker():
-    assert np.sqrt(law(np.array([7.0]))[0, 1]) == pytest.approx(0.664, abs=5e-4)
+    assert np.sqrt(allan_law(np.array([7.0]))[0, 1]) == pytest.approx(0.664, abs=5e-4)

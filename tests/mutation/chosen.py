@@ -15,7 +15,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("history.parameter_history", "parameter_history", "still[k - 1]", "still[k - 2]"),
         ("history.parameter_history", "parameter_history", "SIGNIFICANCE / 2 / n", "SIGNIFICANCE / n"),
         ("history.parameter_history", "_one_by_one", "< 0}", "> 0}"),
-        ("history.parameter_history", "_mean", "1 / np.sqrt(w.sum())", "1 / w.sum()"),
+        ("history.parameter_history", "weighted_mean", "1 / np.sqrt(w.sum())", "1 / w.sum()"),
         ("history.parameter_history", "_with_step", ">= k", "> k"),
         ("history.compare", "UnitComparison.significant", "SIGNIFICANCE / len(self.steps)", "SIGNIFICANCE"),
         ("history.compare", "UnitComparison.due", "first = min(", "first = max("),
@@ -23,7 +23,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     "history/test_compare.py": (
         ("history.compare", "compare", "at, time[at], x", "at, time[: len(at)], x"),
         ("history.compare", "_step", "b.values[j] - a.values[i]", "b.values[j] + a.values[i]"),
-        ("words.history_sentences", "_change", "c.rate * YEAR, c.rate_sigma * YEAR", "c.rate, c.rate_sigma"),
+        ("words.history_sentences", "change_sentence", "c.rate * YEAR, c.rate_sigma * YEAR", "c.rate, c.rate_sigma"),
     ),
     "history/test_fleet.py": (
         ("history.fleet", "_posterior", "np.log(W)) / 2", "0) / 2"),
@@ -35,9 +35,14 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "history/test_unit_store.py": (
         ("words.history_sentences", "day_in_words", "%Y-%m-%d %H:%M:%S", "%Y-%d-%m %H:%M:%S"),
-        ("history.unit_store", "dated", 'e.content.get("provenance", {}).get("created") or e.date', "e.date"),
-        ("history.unit_store", "when", "date.replace(tzinfo=UTC)", "date.astimezone(UTC)"),
-        ("history.unit_store", "_digest", 'k != "created"', 'k != "recordings"'),
+        (
+            "history.unit_store",
+            "dated_calibrations",
+            'e.content.get("provenance", {}).get("created") or e.date',
+            "e.date",
+        ),
+        ("history.unit_store", "date_of", "date.replace(tzinfo=UTC)", "date.astimezone(UTC)"),
+        ("history.unit_store", "content_digest", 'k != "created"', 'k != "recordings"'),
     ),
     "recording/test_dwells.py": (
         ("recording.detection", "detect", "kept = stops - starts >= m", "kept = stops - starts >= 2"),
@@ -73,7 +78,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("recording.increments", "Increments._interval", "prepend=self.last", "prepend=time[0]"),
     ),
     "recording/test_noise_levels.py": (
-        ("inference.white_noise", "differences", "comb(order, j) ** 2 / weight", "comb(order, j) / weight"),
+        ("inference.white_noise", "scaled_differences", "comb(order, j) ** 2 / weight", "comb(order, j) / weight"),
         ("recording.noise_levels", "header_coloured_noise", 'recording.noise.get(f"{key}_tau", TAU)', "TAU"),
     ),
     "recording/test_row_sigma.py": (
@@ -167,15 +172,15 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("navigate.static_run", "_errors", "output.latitude - site.latitude", "site.latitude - output.latitude"),
         ("navigate.static_run", "_errors", "- site.phase - EARTH_RATE *", "- site.phase + EARTH_RATE *"),
         ("navigate.static_run", "_errors", "= -navigator_attitude_error", "= navigator_attitude_error"),
-        ("navigate.static_run", "horizontal", "M, N = radii", "N, M = radii"),
+        ("navigate.static_run", "horizontal_distance", "M, N = radii", "N, M = radii"),
         ("navigate.static_run", "_navigator_input", "1 + shortening", "1 - shortening"),
-        ("navigate.uncertainty", "_sampled", "V * np.sqrt(np.maximum(w, 0.0))", "V * np.maximum(w, 0.0)"),
+        ("navigate.uncertainty", "sampled_sigma", "V * np.sqrt(np.maximum(w, 0.0))", "V * np.maximum(w, 0.0)"),
         ("navigate.summary", "_position", "run.position / NAUTICAL_MILE", "run.position"),
         ("navigate.summary", "_position", "np.mean(error**2)", "np.mean(error)"),
     ),
     "navigate/test_strapdown_unit.py": (
         ("navigate.strapdown_unit", "_means", "run.time - dt / 2", "run.time + dt / 2"),
-        ("navigate.strapdown_unit", "aligned", "exponential(-phi) @ C", "exponential(phi) @ C"),
+        ("navigate.strapdown_unit", "aligned_attitude", "exponential(-phi) @ C", "exponential(phi) @ C"),
     ),
     "navigate/test_stationary_base.py": (
         ("navigate.stationary_base", "still_unit", "[0.0, 0.0, -site.gravity]", "[0.0, 0.0, site.gravity]"),
@@ -185,7 +190,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "true[:, :2] - motion.position[:, :2]"),
         ("navigate.strapdown_unit", "navigate_intervals", "motion.C_bn @ motion.C_bn[0].T",
          "motion.C_bn @ motion.C_bn[0]"),
-        ("navigate.strapdown_unit", "_still", "< MAX_REST_EARTH_RATES * EARTH_RATE", "< MAX_REST_EARTH_RATES"),
+        ("navigate.strapdown_unit", "is_at_rest", "< MAX_REST_EARTH_RATES * EARTH_RATE", "< MAX_REST_EARTH_RATES"),
         ("navigate.strapdown_unit", "navigate_intervals", "rotation_vector(motion", "-rotation_vector(motion"),
     ),
     (
@@ -266,15 +271,15 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("report.parameters", "as_printed", 'dx / abs(k), "counts"', 'dx, "counts"'),
     ),
     "words/test_sentences.py": (
-        ("words.diagnosis_headline", "_does", "sign * p.value > 0", "sign * p.value < 0"),
-        ("words.diagnosis_headline", "_one", "100 * value, 100 * sigma", "100 * value, sigma"),
-        ("words.diagnosis_headline", "_amount", "to_si(size, unit), printed", "to_si(size, printed), unit"),
-        ("words.diagnosis_headline", "_residuals", "chi2**0.5", "chi2"),
+        ("words.diagnosis_headline", "finding_clause", "sign * p.value > 0", "sign * p.value < 0"),
+        ("words.diagnosis_headline", "value_in_words", "100 * value, 100 * sigma", "100 * value, sigma"),
+        ("words.diagnosis_headline", "size_in_print", "to_si(size, unit), printed", "to_si(size, printed), unit"),
+        ("words.diagnosis_headline", "residuals_sentence", "chi2**0.5", "chi2"),
     ),
     "report/test_numbers.py": (
         ("report.history_page", "_history_row", "p.values[-1] - p.values[-2]", "p.values[-2] - p.values[-1]"),
-        ("report.history_page", "_course", "- p.drift_per_year * years", "+ p.drift_per_year * years"),
-        ("report.history_page", "_course", "2 * sigma[chosen]", "sigma[chosen]"),
+        ("report.history_page", "parameter_chart", "- p.drift_per_year * years", "+ p.drift_per_year * years"),
+        ("report.history_page", "parameter_chart", "2 * sigma[chosen]", "sigma[chosen]"),
         ("report.parameters", "_parameter_row", "(e.value - float(from_si(truth", "(e.value + float(from_si(truth"),
         ("report.parameters", "_parameter_row", "from_si(truth[p.label], p.unit)", "truth[p.label]"),
         ("report.residuals", "by_position", "stages=()).residual", "stages=()).residual * -1"),
@@ -294,7 +299,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("report.sections", "pointing_picture", "np.sqrt((x**2).sum(axis=1).mean())", "(x**2).sum(axis=1).mean()"),
     ),
     "calibration/test_gravity_uncertainty.py": (
-        ("calibration.gravity_uncertainty", "scaled", "1 + x if", "1 - x if"),
+        ("calibration.gravity_uncertainty", "scale_factor_direction", "1 + x if", "1 - x if"),
     ),
     "cli/test_noise.py": (
         ("at_rest", "Channel.result", "(2 * np.sqrt(self.model))", "np.sqrt(self.model)"),

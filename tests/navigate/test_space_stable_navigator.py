@@ -15,7 +15,7 @@ import pytest
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
 from gimbalcal.navigate import space_stable_navigator
-from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, deviation, navigate, schuler_rate
+from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, course_deviation, navigate, schuler_rate
 
 L = np.deg2rad(40.0)
 SITE = InertialSite(L, 60.0, float(normal_gravity(L, 60.0)), 0.4)
@@ -211,7 +211,7 @@ def test_small_errors_all_at_once_are_what_each_does_alone(damping, lengths):
         [0 * still + [1e-4, 0, 0], 0 * still + [0, 0, 1e-4], 1e-5 * still[:, [1, 0, 2]], slow, 0 * still], -1
     )
     phase = np.array([0.0, 0.0, 1e-5, 0.0, -2e-5])
-    d = deviation(time, force, phase, SITE, aids)
+    d = course_deviation(time, force, phase, SITE, aids)
     for k in range(len(phase)):
         a, b = (
             navigate(time, still + way * force[..., k], replace(SITE, phase=SITE.phase + way * phase[k]), aids)
@@ -228,9 +228,9 @@ def test_python_and_the_machine_march_alike():
     time, S = rows(12, 10.0)
     force = true_force(S) + 1e-4
     every = []
-    for march in (space_stable_navigator._march.loop, space_stable_navigator._march.made()):
+    for march in (space_stable_navigator.run_loop.loop, space_stable_navigator.run_loop.made()):
         out, (r, v) = np.empty((len(time), 5)), space_stable_navigator._at_rest(SITE, SITE.phase)
-        aids = space_stable_navigator._held(SITE, Aids())
+        aids = space_stable_navigator.loop_constants(SITE, Aids())
         end = march(np.full(len(time), 10.0), force, r, v, *aids, np.zeros((len(time), 2)),
                     np.full(len(time), SITE.height), out)  # fmt: skip
         every.append((out, np.array(end)))

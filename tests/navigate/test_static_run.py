@@ -12,10 +12,10 @@ from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated, labels
 from gimbalcal.navigate.space_stable_navigator import USUAL, Aids, InertialSite
-from gimbalcal.navigate.static_run import half_apart, horizontal
+from gimbalcal.navigate.static_run import half_apart, horizontal_distance
 from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.navigate.summary import NavigationInputs, summary
-from gimbalcal.navigate.uncertainty import bands, before_and_after, navigated, uncertain
+from gimbalcal.navigate.uncertainty import before_and_after, navigation_errors, position_uncertainty, sigma_bands
 from gimbalcal.recording import Site, block_means
 from gimbalcal.simulate import simulate
 from tests.golden import golden_text, refused
@@ -58,7 +58,7 @@ def test_a_constant_drift_goes_a_nautical_mile_a_day():
         "schedule": {"duration": {"value": 48.0, "unit": "h"}, "rate": {"value": 1 / 120, "unit": "Hz"}},
         "truth": {"gyro_drift": {"polar": 0.001}},
     })  # fmt: skip
-    found = navigated(run)
+    found = navigation_errors(run)
     # the platform turns eastwards under the stars: 0.001 deg/h of longitude
     assert abs(found.drift_per_day[1]) == pytest.approx(np.deg2rad(0.024), rel=0.01)
     assert found.position[-1] / NAUTICAL_MILE == pytest.approx(48 * 0.06 * np.cos(np.deg2rad(40)), rel=0.05)
@@ -71,10 +71,10 @@ def test_who_is_told_a_wrong_place_finds_the_true_one():
         "schedule": {"duration": {"value": 24.0, "unit": "h"}, "rate": {"value": 1 / 300, "unit": "Hz"}}, "truth": {},
     })  # fmt: skip
     south = replace(run, site=replace(run.site, latitude=float(run.site.latitude or 0.0) - ARCMIN))
-    assert navigated(south).error[-1, 0] == pytest.approx(ARCMIN, rel=0.02)
+    assert navigation_errors(south).error[-1, 0] == pytest.approx(ARCMIN, rel=0.02)
     platform = run.channels["gimbal_angle", "platform"] + ARCMIN
     east = run.with_channels({("gimbal_angle", "platform"): platform})
-    assert navigated(east).error[-1, 1] == pytest.approx(-ARCMIN, rel=0.02)
+    assert navigation_errors(east).error[-1, 1] == pytest.approx(-ARCMIN, rel=0.02)
 
 
 def test_rows_that_are_means_have_lost_some_of_the_turn_of_gravity():
@@ -83,15 +83,15 @@ def test_rows_that_are_means_have_lost_some_of_the_turn_of_gravity():
         "format": 1, "kind": "static-run", "site": {"latitude": {"value": 40.0, "unit": "deg"}},
         "schedule": {"duration": {"value": 24.0, "unit": "h"}, "rate": {"value": 1 / 60, "unit": "Hz"}}, "truth": {},
     })  # fmt: skip
-    assert navigated(block_means(run, 10)).position.max() < 20.0
+    assert navigation_errors(block_means(run, 10)).position.max() < 20.0
 
 
 def test_a_radian_is_shorter_along_the_meridian_at_the_equator():
     at = InertialSite(0.0, 0.0, 9.78, 0.0)
     north, east = np.zeros((1, 7)), np.zeros((1, 7))
     north[0, 0] = east[0, 1] = 1e-6
-    assert horizontal(north, at) == pytest.approx(6.335439)  # m, WGS 84
-    assert horizontal(east, at) == pytest.approx(6.378137)
+    assert horizontal_distance(north, at) == pytest.approx(6.335439)  # m, WGS 84
+    assert horizontal_distance(east, at) == pytest.approx(6.378137)
 
 
 def test_position_is_told_in_nautical_miles_at_its_largest_at_the_end_and_rms():
@@ -112,12 +112,12 @@ def test_bands_by_propagation_and_by_samples_agree():
     )
     sigma = np.array([p.sigma for p in wanted]) * 0.02
     known = replace(calibration(effects, wanted), covariance=np.diag(sigma**2))
-    (_, linear), (_, sampled) = bands(run.select(slice(0, None, 9)), known, Aids(), 40, 3)
+    (_, linear), (_, sampled) = sigma_bands(run.select(slice(0, None, 9)), known, Aids(), 40, 3)
     ratio = sampled.max(0) / linear.max(0)
     assert np.all(np.abs(ratio - 1) < 3 / np.sqrt(2 * 40)), ratio
     place = InertialSite(np.deg2rad(40.0), 0.0, 9.8, 0.0)
-    largest = horizontal(sampled, place).max()
-    assert uncertain(run.select(slice(0, None, 9)), known) == pytest.approx(largest, rel=3 / np.sqrt(2 * 40))
+    largest = horizontal_distance(sampled, place).max()
+    assert position_uncertainty(run.select(slice(0, None, 9)), known) == pytest.approx(largest, rel=3 / np.sqrt(2 * 40))
     np.testing.assert_array_less(1e-9, linear.max(0))
 
 
@@ -132,7 +132,7 @@ def test_runs_that_hardly_differ_are_told_apart_as_if_each_was_navigated():
             for way in (1, -1)
         ]
         pairs.append((readings[0], readings[1]))
-    expected = np.stack([(navigated(a).error - navigated(b).error) / 2 for a, b in pairs], axis=-1)
+    expected = np.stack([(navigation_errors(a).error - navigation_errors(b).error) / 2 for a, b in pairs], axis=-1)
     size = np.abs(expected).max(axis=(0, 2))[:, None]
     np.testing.assert_allclose(half_apart(pairs, USUAL) / size, expected / size, rtol=0, atol=1e-7)
 
@@ -142,23 +142,25 @@ def test_a_bias_that_is_not_known_is_as_uncertain_as_it_leads_astray():
     (bias,) = (p for p in parameters(CATALOGUE["bias"]) if p.axis == "y")
     known = calibration(with_values((), [bias], np.array([0.0]), base.platform.axis_names), (bias,), 3e-4)
     off = replace(known, effects=with_values((), [bias], np.array([3e-4]), base.platform.axis_names))
-    assert uncertain(base, known) == pytest.approx(navigated(off.corrupt(base)).position.max(), rel=1e-3)
+    assert position_uncertainty(base, known) == pytest.approx(
+        navigation_errors(off.corrupt(base)).position.max(), rel=1e-3
+    )
 
 
 def test_no_covariance_no_band():
     run, effects = made()
     few = run.select(slice(0, 120))
-    (_, linear), (_, sampled) = bands(few, calibration(effects), Aids(), 2, 1)
+    (_, linear), (_, sampled) = sigma_bands(few, calibration(effects), Aids(), 2, 1)
     assert not linear.any()
     assert not sampled.any()
 
 
 def test_gaps_are_filled_in_axes_that_turn_with_the_earth():
     run, _ = made()
-    whole = navigated(run)
+    whole = navigation_errors(run)
     kept = np.ones(len(run.time), dtype=bool)
     kept[200:260] = False  # two hours
-    holed = navigated(run.select(kept))
+    holed = navigation_errors(run.select(kept))
     np.testing.assert_allclose(holed.error[:, :2], whole.error[kept, :2], atol=3e-6)  # 15 m of 900
 
 
@@ -168,7 +170,7 @@ def test_the_quasi_static_formula_is_what_the_navigator_does_slowly():
     attitude = -np.stack([run.channels["attitude_error", a] for a in ("roll", "pitch", "yaw")], axis=-1)
     later = run.time > 12 * 3600
     for damping, off in ((0.5, 0.09), (0.1, 0.05)):
-        found = navigated(run, aids=Aids(damping=damping)).error[:, 4:]
+        found = navigation_errors(run, aids=Aids(damping=damping)).error[:, 4:]
         size = np.ptp(attitude[later], axis=0).max()
         assert np.abs(found - attitude)[later].max() < off * size
     assert np.abs(found - attitude)[~later].max() > 0.12 * size  # the swing at the start
@@ -178,7 +180,7 @@ def test_the_quasi_static_formula_is_what_the_navigator_does_slowly():
 def test_the_spacing_of_rows_does_not_matter(hours, rate):
     run, _ = made(hours, rate)
     usual, _ = made(hours, 1 / 10)
-    a, b = navigated(run), navigated(usual)
+    a, b = navigation_errors(run), navigation_errors(usual)
     at = np.interp(a.time, b.time, b.position)
     np.testing.assert_allclose(a.position[5:], at[5:], atol=1.0)  # of 700 m
 
@@ -196,7 +198,7 @@ def test_the_content_has_every_channel_for_every_calibration():
 def test_without_gimbals_there_is_no_attitude():
     run, _ = made()
     bare = replace(run, channels={k: v for k, v in run.channels.items() if k[0] != "gimbal_angle"})
-    found = navigated(bare)
+    found = navigation_errors(bare)
     assert np.isfinite(found.error[:, :4]).all()
     assert len(summary([found], Aids(), NavigationInputs()).channels) == 4
 
@@ -211,7 +213,7 @@ def test_what_cannot_be_navigated_is_refused():
         replace(run, channels={k: v for k, v in run.channels.items() if k != ("specific_force", "y")}),
     ):
         with refused():
-            navigated(wrong)
+            navigation_errors(wrong)
 
 
 def test_calibrations_are_called_by_file_or_folder():

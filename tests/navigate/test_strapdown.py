@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity
-from gimbalcal.navigate.strapdown import carried, radii, strapdown
+from gimbalcal.navigate.strapdown import integrated_attitudes, radii, strapdown
 from gimbalcal.rotation import exponential
 from tests.estimate.systematic.table import LATITUDE, turning_unit
 
@@ -64,7 +64,7 @@ def test_coning_is_what_two_intervals_know_of_it():
     step = np.swapaxes(F[:-1], -1, -2) @ F[1:]
     small = np.stack([step[:, 2, 1], step[:, 0, 2], step[:, 1, 0]], axis=1)
     rate = small.reshape(n, 64, 3).sum(axis=1) / h
-    end = C[0] @ carried(np.full(n, h), rate)[-1]
+    end = C[0] @ integrated_attitudes(np.full(n, h), rate)[-1]
     left = np.linalg.norm(end - C[-1])
     without = C[0]
     for w_k in rate:

@@ -14,9 +14,9 @@ from gimbalcal.earth import EARTH_RATE, NAUTICAL_MILE, normal_gravity
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.navigate.navigation_errors import Navigated
 from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, schuler_rate
-from gimbalcal.navigate.strapdown import aided, radii
-from gimbalcal.navigate.strapdown_unit import aligned, thinned
-from gimbalcal.navigate.uncertainty import bands, before_and_after, navigated, usual
+from gimbalcal.navigate.strapdown import aided_strapdown, radii
+from gimbalcal.navigate.strapdown_unit import aligned_attitude, thinned_intervals
+from gimbalcal.navigate.uncertainty import before_and_after, navigation_errors, sigma_bands, usual_references
 from gimbalcal.recording import read, write
 from gimbalcal.rotation import exponential
 from gimbalcal.simulate import simulate
@@ -66,7 +66,7 @@ def grown(hours, u, start, damping=0.0, step=10.0):
 def at_rest(hours, force, rate, phi, damping=0.0, step=10.0, start=None):
     """The same of the navigator, a level unit pointing north, with sensor errors and errors of attitude at first."""
     n = round(3600 * hours / step)
-    made = aided(
+    made = aided_strapdown(
         np.full(n, step), np.tile(EARTH + rate, (n, 1)), np.tile(UP + force, (n, 1)), exponential(phi), AT,
         np.arange(n), 2 * damping * schuler_rate(SITE), 10.0, SITE.gravity, start,
     )  # fmt: skip
@@ -119,14 +119,16 @@ def test_the_height_stays_where_the_external_one_is():
     n = 2160
     heavy = UP + np.array([0.0, 0.0, 10 * UG])
     readings = np.full(n, 10.0), np.tile(EARTH, (n, 1)), np.tile(heavy, (n, 1))
-    made = aided(*readings, np.eye(3), AT, np.arange(n), 0.0, 100.0, SITE.gravity)
+    made = aided_strapdown(*readings, np.eye(3), AT, np.arange(n), 0.0, 100.0, SITE.gravity)
     assert np.abs(made.position[:, 2] - SITE.height).max() < 2.0  # 10 ug times the square of 100 s
 
 
 def test_alignment_hides_what_it_can():
     """Level by the accelerometers, north by the east gyroscope: phi_E = -df_N/g, phi_N = df_E/g, phi_D by the rest."""
     n, force, rate = 60, UG * np.array([100.0, -60.0, 0.0]), DEG_H * np.array([0.0, 0.01, 0.0])
-    C = aligned(np.full(n, 1.0), np.tile(EARTH + rate, (n, 1)), np.tile(UP + force, (n, 1)), SITE, Aids(damping=0.0))
+    C = aligned_attitude(
+        np.full(n, 1.0), np.tile(EARTH + rate, (n, 1)), np.tile(UP + force, (n, 1)), SITE, Aids(damping=0.0)
+    )
     phi = np.array([C[1, 2] - C[2, 1], C[2, 0] - C[0, 2], C[0, 1] - C[1, 0]]) / 2  # C = 1 - [phi x]
     level = np.array([force[1], -force[0]]) / SITE.gravity
     north = (rate[1] + EARTH[2] * level[0]) / EARTH[0]
@@ -153,7 +155,7 @@ def calibration(effects, wanted=(), sigma=0.0):
 
 def test_the_truth_taken_off_leaves_nothing():
     made, effects = unit()
-    before, after = before_and_after(made, [("truth", calibration(effects))], usual(made))
+    before, after = before_and_after(made, [("truth", calibration(effects))], usual_references(made))
     assert before.position.max() > NAUTICAL_MILE
     assert after.position.max() < 0.01
     assert after.mechanisation == "strapdown"
@@ -170,7 +172,7 @@ def test_a_unit_that_swings_is_aligned_and_navigated_all_the_same(rate):
         "format": 1, "kind": "rotation", "site": PLACE, "schedule": {
             "swing": swing, "duration": {"value": 150, "unit": "s"}, "rate": {"value": rate, "unit": "Hz"}
         }})  # fmt: skip
-    found = navigated(made, None, Aids(damping=0.0, alignment=30.0))
+    found = navigation_errors(made, None, Aids(damping=0.0, alignment=30.0))
     assert found.position.max() < {100.0: 0.05, 25.0: 5.0}[rate]
     assert np.isnan(found.error[:, 4:]).all()  # nobody knows how it truly stands
 
@@ -178,30 +180,30 @@ def test_a_unit_that_swings_is_aligned_and_navigated_all_the_same(rate):
 def test_a_unit_that_turns_is_navigated_row_by_row_and_at_rest_in_means():
     turns = [{"axis": a, "angle": {"value": b, "unit": "deg"}} for a, b in (("z", 180), ("x", 180), ("z", -180))]
     made, _ = run({}, moves=turns, dwell={"value": 300, "unit": "s"}, rate={"value": 20.0, "unit": "Hz"})
-    legs = thinned(made, 10.0)
+    legs = thinned_intervals(made, 10.0)
     assert len(legs.dt) < 0.2 * len(made.time)
     assert not legs.steady
     np.testing.assert_allclose(legs.dt.sum(), len(made.time) / 20.0)
     begin = made.time[0] - 1 / 20.0
     np.testing.assert_allclose(legs.rows.time - begin, np.cumsum(legs.dt) - legs.dt / 2, atol=1e-6)
-    assert navigated(made, None, Aids(damping=0.0, alignment=200.0)).position.max() < 3.0
+    assert navigation_errors(made, None, Aids(damping=0.0, alignment=200.0)).position.max() < 3.0
 
 
 def test_bands_by_propagation_and_by_samples_agree():
     made, effects = unit()
     wanted = tuple(p for e in ("bias", "gyro_bias") for p in parameters(CATALOGUE[e], ()))
     known = calibration(effects, wanted, 1e-3)
-    (_, linear), (_, sampled) = bands(made, known, usual(made), 60, 3)
+    (_, linear), (_, sampled) = sigma_bands(made, known, usual_references(made), 60, 3)
     ratio = sampled.max(0) / linear.max(0)
     assert np.all(np.abs(ratio - 1) < 3 / np.sqrt(2 * 60)), ratio
 
 
 def test_pauses_of_a_unit_at_rest_are_filled_and_those_of_one_that_turns_refused():
     made, _ = unit()
-    whole = navigated(made, None, usual(made))
+    whole = navigation_errors(made, None, usual_references(made))
     kept = np.ones(len(made.time), dtype=bool)
     kept[1000:1200] = False
-    holed = navigated(made.select(kept), None, usual(made))
+    holed = navigation_errors(made.select(kept), None, usual_references(made))
     assert holed.time[-1] == pytest.approx(whole.time[-1], abs=20)
     assert holed.position[-1] == pytest.approx(whole.position[-1], rel=0.01)
     turns = [{"axis": "z", "angle": {"value": 180, "unit": "deg"}}]
@@ -209,7 +211,7 @@ def test_pauses_of_a_unit_at_rest_are_filled_and_those_of_one_that_turns_refused
     lost = np.ones(len(turned.time), dtype=bool)
     lost[1510:1530] = False
     with refused():
-        navigated(turned.select(lost), None, Aids(alignment=200.0))
+        navigation_errors(turned.select(lost), None, Aids(alignment=200.0))
 
 
 def test_what_cannot_be_navigated_is_refused():
@@ -223,12 +225,12 @@ def test_what_cannot_be_navigated_is_refused():
         made.select(slice(0, 30)),
     ):
         with refused():
-            navigated(wrong, None, usual(wrong))
+            navigation_errors(wrong, None, usual_references(wrong))
 
 
 def test_errors_are_told_from_the_end_of_the_alignment():
     made, _ = unit()
-    found: Navigated = navigated(made, None, Aids(damping=0.0, alignment=3600.0))
+    found: Navigated = navigation_errors(made, None, Aids(damping=0.0, alignment=3600.0))
     assert found.time[0] == 0
     assert found.time[-1] == pytest.approx(11 * 3600, abs=20)
     assert found.position[0] < 1e-6  # m
@@ -244,7 +246,7 @@ def driven(truth, **more):
 def test_a_vehicle_is_held_against_its_reference():
     """Ten legs with bends and hills: the simulated motion and the navigator know nothing of each other."""
     made, _ = driven({})
-    found = navigated(made, None, Aids(damping=0.0, alignment=240.0))
+    found = navigation_errors(made, None, Aids(damping=0.0, alignment=240.0))
     assert found.position.max() < 0.2  # m, of 20 km
     assert np.isnan(found.error[:, 2:]).all()
     made, effects = driven({"bias": {"x": 500.0}, "quadratic_nonlinearity": {"z": 300.0}})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects.process import Flicker, GaussMarkov, RandomWalk, SettingError, WhiteNoise
-from gimbalcal.inference.white_noise import differences, white_sigma
+from gimbalcal.inference.white_noise import scaled_differences, white_sigma
 from gimbalcal.recording.noise_levels import header_coloured_noise, header_noise, sample_sigma
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import load
@@ -64,6 +64,8 @@ def test_differences_are_those_of_the_module_and_take_out_whole_turns():
     x = np.random.default_rng(4).standard_normal((50, 2))
     none, one = np.zeros(50, dtype=bool), np.ones(50)
     by_hand = (x[3:] - 3 * x[2:-1] + 3 * x[1:-2] - x[:-3]) / np.sqrt(20)
-    np.testing.assert_allclose(differences(x.T, none, one), by_hand.T, atol=1e-14)
+    np.testing.assert_allclose(scaled_differences(x.T, none, one), by_hand.T, atol=1e-14)
     turned = x * 0.01 + 2 * np.pi * (np.arange(50) > 20)[:, None]
-    np.testing.assert_allclose(differences(turned.T, none, one, turn=2 * [2 * np.pi]), 0.01 * by_hand.T, atol=1e-13)
+    np.testing.assert_allclose(
+        scaled_differences(turned.T, none, one, turn=2 * [2 * np.pi]), 0.01 * by_hand.T, atol=1e-13
+    )

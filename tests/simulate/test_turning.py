@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, parameters, with_values
-from gimbalcal.forward import turning
+from gimbalcal.forward import angular_rate
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.platform import KNOWN
 from gimbalcal.simulate import check_content, prepare, simulate
@@ -55,13 +55,13 @@ def test_a_leaning_axis_leans_the_rate():
     wanted = parameters(CATALOGUE["gimbal_nonorthogonality"], platform.axis_names)
     bent = with_values((), wanted, np.full(len(wanted), 1e-3), platform.axis_names)
     rates, h = np.tile([0.3, -0.2, 1.0], (len(s.time), 1)), 1e-6
-    own = turning(platform, s, bent, rates) - turning(platform, s, bent, 0 * rates)
+    own = angular_rate(platform, s, bent, rates) - angular_rate(platform, s, bent, 0 * rates)
     tilts = bent[0].contribution(s)
     before, now, after = (platform.attitude(s.readout + d * rates, tilts) for d in (-h, 0.0, h))
     W = (after - before) / (2 * h) @ np.swapaxes(now, -1, -2)
     # central differences of a rotation: h^2 / 6, and rounding / h
     np.testing.assert_allclose(own, -np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], -1), atol=1e-9)
-    straight = turning(platform, s, (), rates) - turning(platform, s, (), 0 * rates)
+    straight = angular_rate(platform, s, (), rates) - angular_rate(platform, s, (), 0 * rates)
     assert np.abs(own - straight).max() > 1e-4
 
 

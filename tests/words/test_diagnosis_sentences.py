@@ -25,7 +25,7 @@ from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.sharing import Agreement
 from gimbalcal.views.pointing import pointing
 from gimbalcal.words import diagnosis_sentences
-from gimbalcal.words.naming import spaced
+from gimbalcal.words.naming import without_underscores
 from tests.diagnose.small import telescope
 
 NUMBERS = {"chi2_reduced_before": 3.14159, "chi2_reduced_after": 1.01234, "heldout_before": 3.5, "heldout_after": 1.05}
@@ -54,7 +54,7 @@ def test_every_effect_has_a_sentence(effect):
     assert said[0].isupper() or not said[0].isalpha()
     assert said.endswith(".")
     assert "\n" not in said
-    assert "_" not in spaced(effect)
+    assert "_" not in without_underscores(effect)
 
 
 def test_an_equation_is_that_of_the_card():
@@ -80,13 +80,13 @@ def test_the_sentences_of_a_diagnosis(golden):
         "few readings": diagnosis_sentences.answer("adequate", [(STARS, few, [])], [], OFF),
         "two views": diagnosis_sentences.answer("adequate", [(FORCES, FIT, []), (STARS, VIEW_FIT, [])], [], OFF),
         "turns": diagnosis_sentences.misfit_reduction(STARS, turned),
-        "standard error": diagnosis_sentences.residuals(STARS, sampled[1.44]),
-        "excess scatter": diagnosis_sentences.residuals(STARS, sampled[9.0]),
-        "pattern": diagnosis_sentences.follows(STARS, "along", 12.345, "a wave"),
-        "largest": diagnosis_sentences.largest(STARS, "along", 12.345, 2.0, np.array([3, 8])),
-        "reservation, unexplained": diagnosis_sentences.reservation("unexplained", [], [WAVE]),
-        "reservation, not identifiable": diagnosis_sentences.reservation("not-identifiable", [ODD], [WAVE]),
-        "delay": diagnosis_sentences.delays([late]),
+        "standard error": diagnosis_sentences.residual_sentence(STARS, sampled[1.44]),
+        "excess scatter": diagnosis_sentences.residual_sentence(STARS, sampled[9.0]),
+        "pattern": diagnosis_sentences.pattern_sentence(STARS, "along", 12.345, "a wave"),
+        "largest": diagnosis_sentences.largest_misfit_sentence(STARS, "along", 12.345, 2.0, np.array([3, 8])),
+        "reservation, unexplained": diagnosis_sentences.reservation_sentence("unexplained", [], [WAVE]),
+        "reservation, not identifiable": diagnosis_sentences.reservation_sentence("not-identifiable", [ODD], [WAVE]),
+        "delay": diagnosis_sentences.delay_sentences([late]),
         "outliers": diagnosis_sentences.omitted_stars([3, 80], [0.763, 12.0], "arcsec", "mistaken or not centred"),
         "motion": diagnosis_sentences.motion_not_analysed("no rows between positions were logged"),
         "rate": diagnosis_sentences.rate_not_analysed("no model explains the forces"),

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gimbalcal.words.rounding import last_place, pdg, rms, significant
+from gimbalcal.words.rounding import last_place, pdg_rounded, rms, significant
 
 
 @pytest.mark.parametrize(
@@ -34,12 +34,12 @@ from gimbalcal.words.rounding import last_place, pdg, rms, significant
     ],
 )
 def test_rounding_of_the_particle_data_group(value, sigma, printed):
-    assert pdg(value, sigma) == printed
+    assert pdg_rounded(value, sigma) == printed
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-9, 1e6))
 def test_rounding_moves_neither_by_more_than_half_a_last_place(value, sigma):
-    rounded_value, rounded_sigma = map(float, pdg(value, sigma))
+    rounded_value, rounded_sigma = map(float, pdg_rounded(value, sigma))
     half = 0.5 * 10.0 ** last_place(sigma) * (1 + 1e-9)  # the text read back is a double again
     assert abs(rounded_value - value) <= half + 1e-9 * abs(value)
     # 0.949995 is read as 0.950 by its three digits and so rounds up by up to a twentieth

@@ -17,16 +17,16 @@ from gimbalcal.effects.effect import constants
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.report.campaign_page import campaign_report
 from gimbalcal.report.console import findings_table, parameters_table
-from gimbalcal.words.answers import campaign_answer, chance, noise_answer
+from gimbalcal.words.answers import campaign_answer, noise_answer, ratio_interval_by_chance
 from gimbalcal.words.calibration_sentences import calibration_in_words, calibration_verdict, goodness_of_fit
-from gimbalcal.words.diagnosis_headline import does, headline, size_in_words
+from gimbalcal.words.diagnosis_headline import finding_sentence, headline, size_in_words
 from gimbalcal.words.naming import (
-    answered,
-    counted,
+    as_sentences,
     direction_in_words,
-    leading,
-    listed,
-    precision,
+    leading_labels,
+    least_precise_sentence,
+    list_in_words,
+    number_and_noun,
     typeset,
     unit_in_print,
     why_in_words,
@@ -194,14 +194,14 @@ def test_the_size_of_a_misfit_is_given_in_the_unit_of_the_readings(unit, sigma, 
 
 def test_every_effect_has_a_sentence_with_its_size_and_a_next_step(golden):
     for effect in CATALOGUE:
-        text = does(finding(effect))
+        text = finding_sentence(finding(effect))
         assert CATALOGUE[effect].says
         assert re.search(r"12\.3|17\.4|1230", text), text  # alone, a sine with its cosine, in percent
         assert not JARGON.search(text), text
         assert len(text) < 170
         step = headline(diagnosis("missing-physics", finding(effect))).partition("Next: ")[2]
         assert f"--with {effect}" in step or "time stamps" in step or "leave position 7 out" in step
-    golden("sentences/findings", lines({e: finding(e) for e in sorted(CATALOGUE)}, does))
+    golden("sentences/findings", lines({e: finding(e) for e in sorted(CATALOGUE)}, finding_sentence))
 
 
 def sized(effect, *sizes, axis=""):
@@ -224,16 +224,16 @@ def test_sizes_of_a_finding(sizes, words):
 
 @pytest.mark.parametrize(("value", "sense"), [(3.2, "later"), (-3.2, "earlier")])
 def test_the_sign_of_a_delay(value, sense):
-    assert f"3.20 ± 0.10 ms {sense}" in does(sized("readout_latency", ("", value, 0.1, "ms")))
+    assert f"3.20 ± 0.10 ms {sense}" in finding_sentence(sized("readout_latency", ("", value, 0.1, "ms")))
 
 
 def test_a_plain_number_that_counts_is_no_share():
-    assert "%" not in does(finding("periodic_worm_error"))  # 144 teeth were "14400 %"
+    assert "%" not in finding_sentence(finding("periodic_worm_error"))  # 144 teeth were "14400 %"
 
 
 def test_an_effect_of_a_user_needs_no_sentence(monkeypatch):
     monkeypatch.setitem(CATALOGUE, "my_own", type("MyOwn", (CATALOGUE["bias_temperature"],), {"says": ""}))
-    assert does(replace(WARM, effect="my_own")).startswith("My own y ")
+    assert finding_sentence(replace(WARM, effect="my_own")).startswith("My own y ")
 
 
 # --- tables of the console --------------------------------------------------------------------------------------------
@@ -258,8 +258,8 @@ def test_tables_of_the_console(golden):
 
 def test_a_plan_names_four_kinds_of_parameters_and_counts_the_rest():
     kinds = ["bias", "scale_factor", "misalignment", "quadratic_nonlinearity", "gyro_bias"]
-    assert "more in the report" not in precision([(k, 1.0, "1") for k in kinds[:4]])
-    assert precision([(k, 1.0, "1") for k in kinds]).endswith("; 1 more in the report.")
+    assert "more in the report" not in least_precise_sentence([(k, 1.0, "1") for k in kinds[:4]])
+    assert least_precise_sentence([(k, 1.0, "1") for k in kinds]).endswith("; 1 more in the report.")
 
 
 def test_headlines_of_noise(golden):
@@ -279,7 +279,14 @@ def test_headlines_of_campaigns(golden):
 
 
 def test_the_interval_of_chance_is_wider_for_few_runs_and_many_parameters():
-    assert chance(10, 5)[0] < chance(100, 5)[0] < 1 < chance(100, 5)[1] < chance(100, 50)[1] < chance(10, 50)[1]
+    assert (
+        ratio_interval_by_chance(10, 5)[0]
+        < ratio_interval_by_chance(100, 5)[0]
+        < 1
+        < ratio_interval_by_chance(100, 5)[1]
+        < ratio_interval_by_chance(100, 50)[1]
+        < ratio_interval_by_chance(10, 50)[1]
+    )
 
 
 # --- names, units, directions -----------------------------------------------------------------------------------------
@@ -288,19 +295,19 @@ def test_the_interval_of_chance_is_wider_for_few_runs_and_many_parameters():
 def test_a_direction_starts_with_its_largest_weight_and_omits_negligible_ones():
     direction = {"bias:x": 0.5, "scale_factor:y": -1.0, "bias:z": 0.001}
     assert direction_in_words(direction) == "scale factor y − 0.50 bias x"
-    assert leading(direction) == ["scale_factor:y", "bias:x"]
-    assert leading({}) == []
+    assert leading_labels(direction) == ["scale_factor:y", "bias:x"]
+    assert leading_labels({}) == []
 
 
 @pytest.mark.parametrize(
     ("call", "text"),
     [
-        (lambda: counted(0, "direction"), "no directions"),
-        (lambda: counted(13, "axis", "axes"), "13 axes"),
-        (lambda: listed([]), ""),
-        (lambda: listed(["a"]), "a"),
+        (lambda: number_and_noun(0, "direction"), "no directions"),
+        (lambda: number_and_noun(13, "axis", "axes"), "13 axes"),
+        (lambda: list_in_words([]), ""),
+        (lambda: list_in_words(["a"]), "a"),
         (lambda: unit_in_print("deg/sqrt(h)"), "°/√h"),
-        (lambda: answered("the calibration leaves 3 m\nnot seen: bias:x"),
+        (lambda: as_sentences("the calibration leaves 3 m\nnot seen: bias:x"),
          "The calibration leaves 3 m.\nNot seen: bias x."),
         (lambda: typeset("1.03e+03 ug/sqrt(Hz), 2.5e-07 m/s^2"), "1030 µg/√Hz, 2.5·10⁻⁷ m/s²"),
         (lambda: typeset("-n 200, 2026-11-22, x=-1, from -0.5 deg/h to 3 deg"),

@@ -26,7 +26,7 @@ import numpy as np
 from gimbalcal.diagnose.evidence.gram import Gram, size
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.scale import LEAST, Channels, log_density_of_scale, log_norm
-from gimbalcal.inference.algebra import basis
+from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.number import Array
 
 ALIKE = 0.5  # prior probability that all channels scatter alike
@@ -90,7 +90,7 @@ def likeliest_scales(r: Array, J: Array, sample: Sequence[float] = ()) -> Array 
     C, own = r.shape[1], np.ones(r.shape[1])
     alike: tuple[Array, Array] | None = None
     for _ in range(ROUNDS):
-        Q = basis((J / own[:, None]).reshape(r.size, -1))
+        Q = orthonormal_columns((J / own[:, None]).reshape(r.size, -1))
         y = (r / own).ravel()
         residual, taken = (y - Q @ (Q.T @ y)).reshape(r.shape), (Q**2).sum(axis=1).reshape(r.shape)
         misfit, dof = (residual**2).sum(axis=0) * own**2, len(r) - taken.sum(axis=0)

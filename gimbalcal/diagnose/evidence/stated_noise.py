@@ -21,12 +21,12 @@ from gimbalcal.diagnose.evidence.node import SINGLE_WALK, SINGLE_WALK_PRIOR, SIN
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import RandomWalk, SettingError, WhiteNoise
 from gimbalcal.inference.noise_processes import Noise, one_sigma, spectrum
-from gimbalcal.inference.robust import huber
-from gimbalcal.inference.white_noise import differences
+from gimbalcal.inference.robust import huber_weights
+from gimbalcal.inference.white_noise import scaled_differences
 from gimbalcal.inference.whitening import Whitening, whitenings
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
-from gimbalcal.views.known_attitude import over, read_gimbals
+from gimbalcal.views.known_attitude import in_units_of, read_gimbals
 
 SETTING = (0.5, 0.71, 1.0, 1.41, 2.0, 2.83)  # times the stated setting repeatability
 SETTING_PRIOR = (0.05, 0.15, 0.40, 0.22, 0.12, 0.06)
@@ -55,13 +55,15 @@ def scale_to_scatter(o: Fit) -> Fit:
     kurtosis, weight = float(np.mean(_excess(fast / scale))), None
     if kurtosis > HEAVY:
         static = o.view.kind.stabilised
-        robust = huber(o.residual, np.arange(len(o.residual)) // NEIGHBOURS if static else o.view.noise.block, scale)
+        robust = huber_weights(
+            o.residual, np.arange(len(o.residual)) // NEIGHBOURS if static else o.view.noise.block, scale
+        )
         # what no level follows is physics: it makes no row noisier than the rows next to it show
         weight = robust.weight
         scale = np.minimum(robust.of_rows if static else robust.of_means, plain)
     else:
         scale = plain
-    scaled = over(o, scale)
+    scaled = in_units_of(o, scale)
     noise = replace(scaled.view.noise, kurtosis=kurtosis, weights=weight)
     return replace(scaled, view=replace(scaled.view, noise=noise))
 
@@ -71,7 +73,7 @@ def _fast(o: Fit) -> Array:
     begins = np.zeros(len(o.residual), dtype=bool)
     if not o.view.kind.stabilised:
         begins[o.view.noise.starts] = True
-    return np.stack(differences(o.residual.T, begins, np.ones(len(o.residual)), order=2), axis=1)
+    return np.stack(scaled_differences(o.residual.T, begins, np.ones(len(o.residual)), order=2), axis=1)
 
 
 def _excess(x: Array) -> Array:

@@ -20,7 +20,7 @@ from gimbalcal.diagnose.answer import PRINTED
 from gimbalcal.diagnose.laws.law_file import printed
 from gimbalcal.diagnose.laws.law_search import ABSORBED, Ground, Law, Place
 from gimbalcal.diagnose.result import LawCurve, LawResult
-from gimbalcal.inference.algebra import basis
+from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
@@ -87,7 +87,9 @@ def _held_out(law: Law, x: Array, alone: bool, g: Ground) -> Array:
     for k in range(FOLDS):
         own = np.flatnonzero(part == k)
         even = (block[:, None] == own).astype(float)
-        N = basis(np.concatenate([g.remainder(g.whiten(place.columns(even))) for place in law.places], axis=1))
+        N = orthonormal_columns(
+            np.concatenate([g.remainder(g.whiten(place.columns(even))) for place in law.places], axis=1)
+        )
         others, left_out = A - N @ (N.T @ A), np.isin(block, own)
         if left_out.all() or (np.linalg.norm(others, axis=0) < ABSORBED * np.linalg.norm(A, axis=0)).any():
             continue

@@ -42,7 +42,7 @@ from gimbalcal.diagnose.laws.expressions import (
 )
 from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.effects import Stimulus
-from gimbalcal.inference.algebra import basis, orthonormal
+from gimbalcal.inference.algebra import orthonormal, orthonormal_columns
 from gimbalcal.number import Array
 
 WEIGHED = 60  # expressions whose evidence is worked out in full
@@ -374,7 +374,7 @@ def free(law: Law) -> int:
 
 def spanned(X: Array) -> Array:
     """Return columns (n, q) of rms one that span those of X (n, m) and are orthogonal to each other."""
-    return basis(X, 1e-6) * np.sqrt(len(X))
+    return orthonormal_columns(X, 1e-6) * np.sqrt(len(X))
 
 
 def _at_rows(e: Expression, response: BlockResponse) -> Expression:
@@ -586,7 +586,7 @@ def aliases(g: Ground, law: Law) -> list[Law]:
     """
 
     def span(one: Law) -> Array:
-        return basis(g.remainder(g.whiten(one.columns)))
+        return orthonormal_columns(g.remainder(g.whiten(one.columns)))
 
     own, out = span(law), []
     for i, t in enumerate(law.expression.terms):

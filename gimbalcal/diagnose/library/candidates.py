@@ -21,7 +21,7 @@ from gimbalcal.effects.effect import constants, follows, lacking, order_of
 from gimbalcal.effects.grids import grid, kind
 from gimbalcal.number import Array
 from gimbalcal.views.core import absent_effect
-from gimbalcal.words.naming import spaced
+from gimbalcal.words.naming import without_underscores
 
 Constants = tuple[tuple[str, float], ...]
 
@@ -63,7 +63,11 @@ class Candidate:
     @property
     def in_words(self) -> str:
         """The same for a person, "bias drift (x)"."""
-        return f"{spaced(self.effect)} ({spaced(self.axis)})" if self.axis else spaced(self.effect)
+        return (
+            f"{without_underscores(self.effect)} ({without_underscores(self.axis)})"
+            if self.axis
+            else without_underscores(self.effect)
+        )
 
     @property
     def key(self) -> tuple[str, str, str, str]:

@@ -33,7 +33,7 @@ from gimbalcal.diagnose.library.candidates import Candidate, Layout, Library, Se
 from gimbalcal.diagnose.search.refine import refine
 from gimbalcal.diagnose.search.refit import channels_of
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.inference.algebra import basis, logsumexp
+from gimbalcal.inference.algebra import logsumexp, orthonormal_columns
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
 
@@ -200,7 +200,7 @@ def reduced(fit: Fit, X: Array, nodes: Sequence[Node], unit: float = 0.0) -> Red
     if noise.scale_known:
         return stack(fit.reduced(fit.Z), X, y, coloured(fit, nodes))
     unit = unit or rms_misfit(fit)
-    Q = basis(fit.reduced(fit.jacobian))
+    Q = orthonormal_columns(fit.reduced(fit.jacobian))
     sample = 0.0
     if noise.sample is not None:
         sample = float(np.sqrt(np.mean(fit.view.of_scales().noise.weighted(noise.sample) ** 2))) / unit

@@ -18,7 +18,7 @@ from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import Constant, between, kind, limits
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, absent_effect
-from gimbalcal.views.known_attitude import restimulated
+from gimbalcal.views.known_attitude import shifted_stimulus
 
 ROUNDS = 6  # refinements of a constant, each narrowing its range fourfold
 FLAT = 1.0  # nats between the best and the worst value of a refinement: these are closer than half a sigma then
@@ -157,7 +157,7 @@ def _bent(
         root = float(x[-1]) * sigma
         if root == 0.0 or abs(root - size) < 0.01 * abs(size):
             break
-        size, s = root, restimulated(o, x[:-1], stage)
+        size, s = root, shifted_stimulus(o, x[:-1], stage)
     return _Bent(float(((y[:, 0] - A @ x) ** 2).sum()), size, flipped, _doubtful(s, c.axis, size), column)
 
 

@@ -13,7 +13,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, 
 from gimbalcal.effects.effect import Grid, constants
 from gimbalcal.effects.grids import kind
 from gimbalcal.errors import InputError
-from gimbalcal.inference.algebra import basis
+from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.inference.levenberg import covariance_at_minimum, minimise
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, View, range_of_constants
@@ -150,7 +150,11 @@ def with_columns(m: Fit, X: Array) -> Fit:
 def fitted_columns(m: Fit, X: Array) -> tuple[Fit, Array, Array]:
     """Return the same, the sizes x (q,) of the columns, and their covariance (q, q) from the remaining scatter."""
     extended = with_columns(m, X)
-    Q, A, y = basis(extended.reduced(m.jacobian)), extended.reduced(X), extended.reduced(m.residual[..., None])[:, 0]
+    Q, A, y = (
+        orthonormal_columns(extended.reduced(m.jacobian)),
+        extended.reduced(X),
+        extended.reduced(m.residual[..., None])[:, 0],
+    )
     remainder = A - Q @ (Q.T @ A)
     x = np.linalg.lstsq(remainder, y, rcond=1e-9)[0]
     dof = max(len(y) - Q.shape[1] - X.shape[-1], 1)
@@ -176,7 +180,7 @@ def constants_with_sigma(m: Fit, effect_id: str) -> list[tuple[Parameter, float,
     wanted = [p for p in parameters(CATALOGUE[effect_id], constants=True) if p.field in smooth]
     effect = next(e for e in m.effects if e.id == effect_id)
     X = m.view.evaluate(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.residual.shape, 0))
-    Q, A, y = basis(m.reduced(m.jacobian)), m.reduced(X), m.reduced(m.residual[..., None])
+    Q, A, y = orthonormal_columns(m.reduced(m.jacobian)), m.reduced(X), m.reduced(m.residual[..., None])
     remainder = A - Q @ (Q.T @ A)
     remainder = np.where(np.linalg.norm(remainder, axis=0) > RANK * np.linalg.norm(A, axis=0), remainder, 0.0)
     variance = float((y**2).sum()) / max(len(y) - Q.shape[1] - len(wanted), 1)

@@ -52,7 +52,7 @@ def _settings(o: Fit) -> tuple[Array, Array, float]:
     """
     k, C, blocks, local = read_gimbals(o.view), o.residual.shape[1], len(o.view.noise.starts), o.view.local
     assert local is not None
-    sigma, v = local.sigma, len(local.zero)
+    sigma, v = local.sigma, len(local.zero_values)
     mine = local.group[o.view.noise.starts][:, None] == np.arange(v)
     H = o.reduced(o.rows.sensitivity[Stage.ENCODER][:, :, k] * sigma).reshape(blocks, C, 1, len(k))
     E = (H * mine[:, None, :, None]).reshape(blocks * C, -1)
@@ -69,7 +69,7 @@ def _at(o: Fit, x: Array, delta: Array, remaining: float) -> Fit:
     names, scale, local = o.view.stimulus.axis_names, np.array([p.sigma for p in o.parameters]), o.view.local
     effects = with_values(o.effects, o.parameters, values(o.effects, o.parameters) + x * scale, names)
     assert local is not None
-    e = local.zero
+    e = local.zero_values
     e[:, read_gimbals(o.view)] = delta
     back = apply_matrix(local.columns(local.evaluate(effects, e)), e[local.group])
 

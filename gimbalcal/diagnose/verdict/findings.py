@@ -28,13 +28,13 @@ from gimbalcal.diagnose.verdict.verify import held_out_misfit, row_sigma
 from gimbalcal.effects import CATALOGUE, Parameter, values
 from gimbalcal.effects.effect import constants
 from gimbalcal.errors import InputError
-from gimbalcal.inference.algebra import basis
+from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit
 from gimbalcal.words.diagnosis_sentences import cause_in_words, separation_advice
-from gimbalcal.words.naming import spaced
+from gimbalcal.words.naming import without_underscores
 
 SERIES = 3.0  # times the whole misfit, that one of several causes may be
 SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
@@ -120,7 +120,7 @@ def cancelling(c: SearchResult) -> list[SelectedCause]:
     What is a few arcsec of a law that has no name here is also the difference of a hundred of one pattern and of the
     next like it: terms of a series, not causes. Contributions count without what the baseline takes up of them.
     """
-    m, Q = c.end, basis(c.end.reduced(c.start.jacobian))
+    m, Q = c.end, orthonormal_columns(c.end.reduced(c.start.jacobian))
     x = values(m.effects, m.parameters)
     out = []
     for cause, variant in (this for this in c.causes if not is_usual(this[0], m.view.kind)):
@@ -209,7 +209,9 @@ def _experiment(c: Ranking, d: Decision, joint: JointFit, ordinal: int) -> str:
             (at,) = c.within((alike,), k)
             other = s.library.candidates[at]
             a = advise(s.fit, cause, size, other)
-            return separation_advice(a.words, a.hours, a.ln_bayes, spaced(cause[0].effect), spaced(other.effect))
+            return separation_advice(
+                a.words, a.hours, a.ln_bayes, without_underscores(cause[0].effect), without_underscores(other.effect)
+            )
     return ""
 
 
@@ -242,8 +244,8 @@ def _cards(j: Judgement) -> str:
         after = card.partition("Seen by: ")[2]
         return after.partition(". ")[0].strip(". ")
 
-    others = "; ".join(f"{spaced(t)} by {seen(t)}" for t in j.confounded[:3])
-    return f"{spaced(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
+    others = "; ".join(f"{without_underscores(t)} by {seen(t)}" for t in j.confounded[:3])
+    return f"{without_underscores(j.cause.effect)} is seen by {seen(j.cause.effect)}; {others}."
 
 
 def _estimates(parameters: Sequence[Parameter], x: Array, sigma: Array) -> list[Estimate]:

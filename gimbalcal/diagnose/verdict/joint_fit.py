@@ -54,7 +54,7 @@ from gimbalcal.inference.information import (
 from gimbalcal.number import Array
 from gimbalcal.recording import when_recorded
 from gimbalcal.views.core import View, range_of_constants
-from gimbalcal.words.naming import spaced
+from gimbalcal.words.naming import without_underscores
 
 UNLIKELY = 1e-3  # probability of a noise below which it is left out of the mean
 SETTLED = 1e-3  # of a sigma
@@ -292,7 +292,7 @@ class JointFit:
     def outcome(self) -> str:
         """The objections to the constants of the model, in words; empty where there are none."""
         words = "{} was found with several constants, of which this calibration holds one: do not apply it"
-        several = [words.format(spaced(effect)) for effect in sorted(self.differing)]
+        several = [words.format(without_underscores(effect)) for effect in sorted(self.differing)]
         rough = [] if self.converged else ["the fit with what was found did not converge, so its constants are rough"]
         return "; ".join([*filter(None, [self.between.in_words if self.between else ""]), *several, *rough])
 

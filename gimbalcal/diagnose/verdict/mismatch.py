@@ -21,7 +21,7 @@ from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.result import Mismatch
 from gimbalcal.diagnose.search.ranking import projections_of
 from gimbalcal.entries import Json
-from gimbalcal.inference.algebra import basis, orthonormal
+from gimbalcal.inference.algebra import orthonormal, orthonormal_columns
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -223,7 +223,7 @@ def patterns(m: Fit) -> tuple[Mismatch, ...]:
     shapes = shapes_of(v, m.residual, spans(m.jacobian), blocks, free_rows(v, m.parameters))
     X = m.reduced(np.concatenate(blocks, axis=-1))
     white = projections_of(m, X, memory=False)  # in one scale, and in scales of the channels where these may differ
-    dof = m.residual.size - basis(m.reduced(m.jacobian)).shape[1]
+    dof = m.residual.size - orthonormal_columns(m.reduced(m.jacobian)).shape[1]
     out = []
     for c in shapes:
         at = c.variants[0].index
@@ -252,7 +252,7 @@ def _pattern(m: Fit, c: Candidate, F: float, p: float) -> Mismatch:
         return Mismatch(c.channel, c.axis, _where(v, rows), round(F, 2), p, words)
     i, size = _channel(m, c.axis)
     rows = np.argsort(-np.abs(m.residual[:, i]))[:3]
-    words = diagnosis_sentences.follows(v, c.axis, size, c.rival)
+    words = diagnosis_sentences.pattern_sentence(v, c.axis, size, c.rival)
     return Mismatch(v.channels[0][0], c.axis, _where(v, rows), round(F, 2), p, words)
 
 
@@ -264,7 +264,7 @@ def largest(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
     rows = np.argsort(-np.abs(m.residual[:, i]))[:3]
     ratio = float(square[i])
     p = min(1.0, probability(ratio * len(m.residual), len(m.residual)) * len(v.channels))
-    words = diagnosis_sentences.largest(v, axis, size, float(np.sqrt(ratio)), rows)
+    words = diagnosis_sentences.largest_misfit_sentence(v, axis, size, float(np.sqrt(ratio)), rows)
     return (Mismatch(v.channels[0][0], axis, _where(v, rows), round(ratio, 2), p, words),)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.design.manoeuvres import menu
+from gimbalcal.design.manoeuvres import available_manoeuvres
 from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, SelectedCause
@@ -48,7 +48,7 @@ def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
     thin = o.view.source.select(slice(None, None, step))
     ids = tuple(dict.fromkeys(p.effect for p in o.parameters))
     best = Advice("", 0.0, 0.0)
-    for m in menu(thin):
+    for m in available_manoeuvres(thin):
         planned = view_at_known_attitude(m.apply(thin), ids, o.effects)  # readings do not matter, only where and when
         ln_bayes = step * gained(fit_baseline(planned, o.effects, steps=0))
         if ln_bayes > SETTLED and (not best.words or ln_bayes / m.hours > best.ln_bayes / best.hours):

@@ -18,11 +18,11 @@ from gimbalcal.diagnose.search.fitted_causes import FittedCauses
 from gimbalcal.diagnose.search.stepwise import SearchResult
 from gimbalcal.effects import Parameter, values
 from gimbalcal.errors import InputError
-from gimbalcal.inference.algebra import basis, eigh
+from gimbalcal.inference.algebra import eigh, orthonormal_columns
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit
-from gimbalcal.views.slews import lateness
+from gimbalcal.views.slews import channel_delays
 
 SAME_WEIGHT = 1e-9  # of ln(sigma x weight), within which rows were fitted in these sigmas
 SHOWN = 1e-6  # share of a direction that the rows outside a group show; less is fitted by the group itself
@@ -81,7 +81,7 @@ def held_out(A: Array, y: Array, group: Array) -> Array:
 
     Directions that the other rows do not show are fitted by the group itself.
     """
-    Q = basis(A)
+    Q = orthonormal_columns(A)
     e = y - Q @ (Q.T @ y)
     out = e.copy()
     for k in np.unique(group):
@@ -93,7 +93,7 @@ def held_out(A: Array, y: Array, group: Array) -> Array:
 
 
 def _residual(A: Array, y: Array) -> tuple[Array, int]:
-    Q = basis(A)
+    Q = orthonormal_columns(A)
     return y - Q @ (Q.T @ y), Q.shape[1]
 
 
@@ -133,7 +133,7 @@ def shifts_of(parameters: Sequence[Parameter], change: Array, sigma: Array) -> t
 def row_sigma(end: Fit) -> Array:
     """Return one sigma (n, C) of each row: the scatter about the last model, spread as the noise of the samples."""
     r = end.view.noise.weighted(end.residual)
-    free = max(r.size - basis(end.reduced(end.jacobian)).shape[1], 1)
+    free = max(r.size - orthonormal_columns(end.reduced(end.jacobian)).shape[1], 1)
     return np.asarray(np.sqrt((r**2).sum() / free) / end.view.weight)
 
 
@@ -143,7 +143,7 @@ def view_fit(c: SearchResult, sigma: Array) -> ViewFit:
     (held_before, held_rms_before), (held_after, held_rms_after) = (_held_out(m, sigma) for m in (before, after))
     late = turns = None
     if v.measurement.timing:
-        every = {axis: (float(from_si(x, "ms")), float(from_si(s, "ms"))) for axis, (x, s) in lateness(v).items()}
+        every = {axis: (float(from_si(x, "ms")), float(from_si(s, "ms"))) for axis, (x, s) in channel_delays(v).items()}
         late = {axis: Delay(x, s, "ms") for axis, (x, s) in every.items()}
     if v.missed_by_turns is not None and c.steps:
         with suppress(InputError):  # turns too few, or all about one axis, prove nothing
@@ -189,7 +189,7 @@ def _reduced(m: Fit, sigma: Array) -> float:
 
 def _basis(m: Fit, sigma: Array) -> Array:
     """Return an orthonormal basis (n C, q) of a model's columns in rows of `sigma` (n, C)."""
-    return basis((m.jacobian / sigma[..., None]).reshape(m.residual.size, -1))
+    return orthonormal_columns((m.jacobian / sigma[..., None]).reshape(m.residual.size, -1))
 
 
 def _held_out(m: Fit, sigma: Array) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from gimbalcal.number import apply_matrix
 from gimbalcal.recording.record import FOLLOWED, FORCE
 from gimbalcal.schedule import SCHEDULES, Schedule
 from gimbalcal.units import from_si
-from gimbalcal.views.positions import Noise, planned, view_of_positions
+from gimbalcal.views.positions import Noise, planned_recording, view_of_positions
 
 NOTABLE_SIGMA_RATIO = 1.5  # every sigma that grew by more than this is reported; else the one that grew most
 SAME_DIRECTION_RAD = np.deg2rad(10.0)  # angle between two forces within which they count as one position of a schedule
@@ -154,7 +154,7 @@ def lost(p: Positions) -> str:
     missing = sorted(set(range(1, len(schedule.holds) + 1)) - {int(q) for q in p.numbers}) if schedule else []
     if schedule is None or not missing:
         return ""
-    extra = planned(schedule, float(np.median(recording.weight))).select(np.array(missing) - 1)
+    extra = planned_recording(schedule, float(np.median(recording.weight))).select(np.array(missing) - 1)
     logged = {key: np.full(len(missing), x.mean()) for key, x in recording.channels.items() if key[0] in FOLLOWED}
     extra = extra.with_channels(logged)  # of effects that follow them
     views = [p.view, view_of_positions(extra, p.noise, sorted(p.view.acting or ()))]

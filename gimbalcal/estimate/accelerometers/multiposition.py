@@ -49,7 +49,7 @@ from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import View
 from gimbalcal.views.norm import SIX_TERMS, in_noise_of_readings, norm, undetermined_misalignments
 from gimbalcal.views.positions import Noise
-from gimbalcal.words.naming import listed
+from gimbalcal.words.naming import list_in_words
 
 LINEAR = ("scale_factor", "bias", "misalignment")
 PRIOR_FACTOR = 100.0  # times the prior scale of a navigation platform: low-cost units reach 50 mg, 5 % and 3 deg
@@ -177,8 +177,8 @@ def _too_few_attitudes(view: View) -> str:
     """Explain why misalignment is left out of the usual terms, and what would determine it."""
     y = view.source.triad(FORCE)
     none, positions = undetermined_misalignments(y), f"{len(view)} positions in {attitudes(y)} attitudes"
-    why = f"do not determine that of {listed(none)}" if none else "leave none to test nine terms"
-    between = listed(none or ("xy", "xz", "yz"))
+    why = f"do not determine that of {list_in_words(none)}" if none else "leave none to test nine terms"
+    between = list_in_words(none or ("xy", "xz", "yz"))
     return (
         f"misalignment is left out: {positions} {why}; it takes ten attitudes or more, among them some that lie "
         f"between the faces of {between}, edges up and edges down"

@@ -35,7 +35,7 @@ from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
 from gimbalcal.views.core import View
 from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, VERTICAL, rest_rates
-from gimbalcal.views.swept_rotations import swept
+from gimbalcal.views.swept_rotations import swept_rotation
 from gimbalcal.views.turns import Turns, gravity_after_turns, logged_turns, turns_between_rests, with_headings
 
 BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
@@ -51,7 +51,7 @@ def rests(recording: Recording, accelerometers: Calibration, turns: Turns | None
         linear: tuple[Effect, ...] = ()
         with suppress(InputError):  # the turns may not determine all of it
             linear = fit_turns(turns, GYROSCOPE_INPUT_TERMS).effects
-        carried = dict(zip(turns.ends.tolist(), swept(turns, linear), strict=True))
+        carried = dict(zip(turns.ends.tolist(), swept_rotation(turns, linear), strict=True))
     return rest_rates(recording, accelerometers, turns.scale if turns else 1.0, carried)
 
 

@@ -34,7 +34,7 @@ from gimbalcal.method_table import Request
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
-from gimbalcal.views.pointing import nights, pointing, read_axes
+from gimbalcal.views.pointing import pointing, read_axes, split_nights
 
 SIGNIFICANCE = 1e-3  # probability below which chance is not believed
 MIN_SIGMAS = 3.0  # a term that moved by less since the first night is not named
@@ -59,7 +59,7 @@ def pointing_calibration(
     mounts, without true angles, with fewer readings than unknowns, or without a term that is not in the model.
     """
     join(recordings)  # refuses runs of different mounts, and one that is given twice
-    each = [nights(r) for r in recordings]
+    each = [split_nights(r) for r in recordings]
     runs = tuple(pointing(night) for own in each for night in own)
     before = [sum(len(n.time) for n in own[:k]) for own in each for k in range(len(own))]
     platform, axes = recordings[0].platform, read_axes(recordings[0])

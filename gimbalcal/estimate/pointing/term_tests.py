@@ -26,7 +26,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, absent
 from gimbalcal.effects.effect import constants
 from gimbalcal.estimate.extra_effects import columns_of_sizes
 from gimbalcal.estimate.fit import ViewsFit
-from gimbalcal.inference.algebra import basis
+from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -54,7 +54,7 @@ class _Tests:
     def __init__(self, fitted: ViewsFit, stated: bool) -> None:
         self.fitted, self.stated = fitted, stated
         self.J, r = fitted.whitened
-        self.Q = basis(self.J)
+        self.Q = orthonormal_columns(self.J)
         self.r = r - self.Q @ (self.Q.T @ r)
         self.sigma = np.concatenate([s.ravel() for s in fitted.sigma])
         self.stars = sum(map(len, fitted.views))
@@ -67,7 +67,10 @@ class _Tests:
         for group in _terms(parameters):
             fixed = {f.name for f in constants(CATALOGUE[parameters[group[0]].effect])}
             sizes = [i for i in group if parameters[i].field not in fixed]
-            y, Q = self.r + self.J[:, sizes] @ self.fitted.x[sizes], basis(np.delete(self.J, group, axis=1))
+            y, Q = (
+                self.r + self.J[:, sizes] @ self.fitted.x[sizes],
+                orthonormal_columns(np.delete(self.J, group, axis=1)),
+            )
             others = {q.label: float(R[i, j]) for i in group for j, q in enumerate(parameters) if j not in group}
             p, x, block = parameters[group[0]], self.fitted.x[sizes], np.ix_(sizes, sizes)
             estimate = _Estimate(p, self.fitted.x[group[0]], self.fitted.sigmas[group[0]]) if len(group) == 1 else None

@@ -27,7 +27,7 @@ import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, rate_at
 from gimbalcal.errors import InputError, amount
-from gimbalcal.navigate.strapdown import carried
+from gimbalcal.navigate.strapdown import integrated_attitudes
 from gimbalcal.number import Array
 from gimbalcal.rotation import cross_matrix, exponential
 from gimbalcal.views.segments import Segments
@@ -69,7 +69,7 @@ def align(segments: Segments, u: Array) -> Alignment:
     dt = _with_pauses(segments)
     w = np.sqrt(weight)[:, None] / segments.sigma[3:]
     for _ in range(MAX_ITERATIONS):
-        C = carried(dt, u[:, 3:] - b)
+        C = integrated_attitudes(dt, u[:, 3:] - b)
         at = np.array([C[(s.start + s.stop) // 2] for s in stops])
         A = np.concatenate([np.broadcast_to(np.eye(3), at.shape), np.swapaxes(at, -1, -2)], axis=2)
         # prior of the step of the bias, for directions that the stops do not observe
@@ -138,7 +138,7 @@ def attitudes(segments: Segments, u: Array, start: Alignment) -> Array:
     """
     earth = rate_at(segments.latitude)
     dt = _with_pauses(segments)
-    C = carried(dt, u[:, 3:] - start.bias)
+    C = integrated_attitudes(dt, u[:, 3:] - start.bias)
     t = np.concatenate([[0.0], np.cumsum(dt)])
     C = exponential(earth * t[:, None]) @ start.C_bn @ C
     angle = np.concatenate([[0.0], np.cumsum(np.linalg.norm(u[:, 3:] - start.bias, axis=1) * dt)])[segments.first]
@@ -220,7 +220,7 @@ def _turn(segments: Segments, u: Array, a: slice, b: slice, M: Array) -> tuple[A
     level = (u[before, 3:].mean(axis=0) + u[after, 3:].mean(axis=0)) / 2
     w = u[a.stop : b.start, 3:] - level
     dt = segments.dt[a.stop : b.start]
-    C = carried(dt, w + w @ M.T)
+    C = integrated_attitudes(dt, w + w @ M.T)
     turned = np.swapaxes(C[-1], 0, 1) @ C  # from each moment's axes to those after the turn
     angle = w * dt[:, None]
     J = np.einsum("tij,tk->ijk", (turned[:-1] + turned[1:]) / 2, angle).reshape(3, 9)

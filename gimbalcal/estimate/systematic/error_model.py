@@ -29,11 +29,11 @@ import numpy as np
 from gimbalcal.earth import rate_at
 from gimbalcal.effects import CATALOGUE, Effect, Parameter
 from gimbalcal.effects.effect import Stimulus
-from gimbalcal.forward import linearise, picked, predict
+from gimbalcal.forward import linearise, predict, wanted_channels
 from gimbalcal.inference.square_root_filter import roots
 from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.navigate.error_growth import NAV, transitions
-from gimbalcal.navigate.strapdown import carried
+from gimbalcal.navigate.strapdown import integrated_attitudes
 from gimbalcal.number import Array, complex_step
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
@@ -91,7 +91,7 @@ def reading_jacobian(s: Stimulus, effects: Sequence[Effect]) -> Array:
 def _read(s: Stimulus, effects: Sequence[Effect], u: Array) -> Array:
     # all six readings by force and rate, where latencies and lever arms couple rows and triads: no stage of `Rows`
     s = s.at(force=u[:, :3], rate=u[:, 3:])
-    return picked(BENCH, predict(BENCH, s, effects, KIND), CHANNELS)
+    return wanted_channels(BENCH, predict(BENCH, s, effects, KIND), CHANNELS)
 
 
 BATCH_INTERVALS = 20_000  # intervals at a time: what a column of them takes stays below 50 MB
@@ -220,7 +220,7 @@ def _sculling_error(segments: Segments, u: Array) -> Array:
 def _in_body(segments: Segments, u: Array, C: Array, v: Array) -> Array:
     """Return vectors v (m, 3), in north, east, down, in the axes of the unit in mid-interval (m, n, 3)."""
     stretch = np.repeat(np.arange(len(segments.stop)), np.diff(segments.first))
-    turn = carried(segments.dt, u[:, 3:])
+    turn = integrated_attitudes(segments.dt, u[:, 3:])
     start = C[:-1] @ np.swapaxes(turn[segments.first[:-1]], -1, -2)
     turn[:-1] += turn[1:]
     turn *= 0.5

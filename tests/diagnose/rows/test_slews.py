@@ -13,7 +13,7 @@ from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.progress import no_progress
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import View
-from gimbalcal.views.slews import lateness, view_of_slews
+from gimbalcal.views.slews import channel_delays, view_of_slews
 from tests.diagnose.turned_plant import ARCSEC, DEG, G, Unit, gimballed, turned
 from tests.estimate.gyroscopes.test_rate_table import RATES, run
 
@@ -49,7 +49,7 @@ def unit(**more):
 def test_what_is_late_is_named_by_how_much(late, effect, value, motion):
     t = told(gimballed(1, unit(late=late), **motion))
     if motion is SLOW and abs(value) < 5:
-        assert lateness(t.view)["rate"][1] > 1e-4  # a tenth of the delay is left to chance: nothing need be named
+        assert channel_delays(t.view)["rate"][1] > 1e-4  # a tenth of the delay is left to chance: nothing need be named
         assert not t.findings or t.findings[0]["effect"] == effect
         return
     assert [f["effect"] for f in t.findings] == [effect]
@@ -68,13 +68,13 @@ def test_what_is_late_is_named_by_how_much(late, effect, value, motion):
 def test_what_is_in_time_is_left_alone(more, motion):
     t = told(gimballed(2, unit(**more), **motion))
     assert t.verdict == "adequate"
-    for value, sigma in lateness(t.view).values():
+    for value, sigma in channel_delays(t.view).values():
         assert abs(value) < 4 * sigma  # once in fifteen thousand
 
 
 def test_errors_that_rests_and_turns_show_are_no_delay():
     """Bias, scale and misalignment of 1 % in both triads, uncorrected: a percent of a quarter turn is 150 ms of it."""
-    late = lateness(seen(gimballed(3, Unit(late={"rate": 0.01}), **QUICK)))
+    late = channel_delays(seen(gimballed(3, Unit(late={"rate": 0.01}), **QUICK)))
     assert late["rate"][0] == pytest.approx(0.01, abs=5e-4)
     assert abs(late["force"][0]) < 1e-3
 
@@ -94,7 +94,7 @@ def test_a_hand_is_no_delay_but_fifty_milliseconds_are():
     for late in (0.0, 0.05):
         r = turned(5, unit(late={"rate": late}), latitude=None)
         v = seen(r)
-        value, sigma = lateness(v)["force"]
+        value, sigma = channel_delays(v)["force"]
         assert abs(value + late) < 3 * sigma
         assert sigma < 0.008
         findings = judged_diagnosis(stepwise(v, no_progress), no_progress).findings
@@ -123,7 +123,7 @@ def test_a_force_that_no_slew_moves_has_no_delay():
     level = Recording("multi-position", "table", r.platform, r.site, {}, r.time, position, channels)
     v = seen(level)
     assert [q for q, _ in v.channels] == ["angular_rate"]
-    late, sigma = lateness(v)["rate"]
+    late, sigma = channel_delays(v)["rate"]
     assert abs(late) < 5 * sigma + 1e-3
     without = {k: x for k, x in channels.items() if k[0] != "angular_rate"}
     bare = Recording("multi-position", "table", r.platform, r.site, {}, r.time, position, without)

@@ -8,7 +8,7 @@ import pytest
 from gimbalcal.diagnose.search.ranking import projections_of
 from gimbalcal.diagnose.search.refit import constants_with_sigma, fitted_columns, refit, start, with_columns
 from gimbalcal.effects import values, with_values
-from gimbalcal.inference.algebra import basis
+from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.core import absent_effect
@@ -86,7 +86,7 @@ def test_columns_are_fitted_in_the_scales_that_remain_with_them():
     assert max(m.view.noise.scales) > 5
     made, x, C = fitted_columns(m, X)
     assert made.view.noise.scales == ()
-    Q = basis(m.jacobian.reshape(m.residual.size, -1))
+    Q = orthonormal_columns(m.jacobian.reshape(m.residual.size, -1))
     left = X.ravel() - Q @ (Q.T @ X.ravel())
     assert x[0] == pytest.approx(left @ m.residual.ravel() / (left @ left), rel=1e-6)
     assert np.sqrt(C[0, 0]) == pytest.approx(made.rms / np.sqrt(2) / np.linalg.norm(left), rel=0.1)

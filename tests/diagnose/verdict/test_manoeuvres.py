@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.design.manoeuvres import menu, repeated
+from gimbalcal.design.manoeuvres import available_manoeuvres, second_pass
 from gimbalcal.diagnose.evidence.stated_noise import nominal
 from gimbalcal.diagnose.verdict import separation as module
 from gimbalcal.diagnose.verdict.separation import SETTLED, Advice, advise, separation
@@ -22,7 +22,7 @@ def planned_rows(r, o):
     return fit_baseline(view_at_known_attitude(r, ids, o.effects), o.effects, steps=0)
 
 
-REVERSED, LATER, OBLIQUE, OTHER, WARMER = (m.words for m in menu(TABLE.view.source))
+REVERSED, LATER, OBLIQUE, OTHER, WARMER = (m.words for m in available_manoeuvres(TABLE.view.source))
 
 
 def causes(o, *labels):
@@ -53,7 +53,7 @@ def test_separation_is_what_the_other_cause_cannot_follow(found, other):
     here = separation(TABLE, (i, i.variants[0]), size, j)
     assert here == pytest.approx(misfit_of_the_other(TABLE, i, size, j), rel=1e-5)
     assert separation(TABLE, (i, i.variants[0]), 3 * size, j) == pytest.approx(9 * here, rel=1e-9)
-    planned = planned_rows(repeated(TABLE.view.source, reverse=True), TABLE)
+    planned = planned_rows(second_pass(TABLE.view.source, reverse=True), TABLE)
     needed = misfit_of_the_other(planned, i, size, j)
     assert separation(planned, (i, i.variants[0]), size, j) == pytest.approx(needed, rel=1e-5)
 
@@ -79,7 +79,7 @@ def test_the_manoeuvre_is_the_one_that_brings_most_per_hour(found, other, words)
     size = np.full(len(i.parameters), 80.0)
     a = advise(TABLE, (i, i.variants[0]), size, j)
     rate = {}
-    for m in menu(TABLE.view.source):
+    for m in available_manoeuvres(TABLE.view.source):
         rate[m.words] = misfit_of_the_other(planned_rows(m.apply(TABLE.view.source), TABLE), i, size, j) / m.hours
     assert a.words == words == max(rate, key=lambda k: rate[k])
     assert a.ln_bayes / a.hours == pytest.approx(rate[words], rel=1e-5)
@@ -105,7 +105,7 @@ def test_a_manoeuvre_that_brings_too_little_is_not_advised():
 def test_manoeuvres_are_what_they_are_called():
     r = TABLE.view.source
     n = len(r.time)
-    for m in menu(r):
+    for m in available_manoeuvres(r):
         made = m.apply(r)
         assert len(made.time) == 2 * n
         assert np.all(np.diff(made.time) > 0)
@@ -116,17 +116,17 @@ def test_manoeuvres_are_what_they_are_called():
         assert warmer == pytest.approx(6.0 if m.words == WARMER else 0.0, abs=1e-9)
         waited = made.time[n] - made.time[n - 1]
         assert waited > 6 * 3600 if m.words == LATER else waited < 6 * 3600
-    mirrored = next(m for m in menu(r) if m.words == OTHER).apply(r).angles()
+    mirrored = next(m for m in available_manoeuvres(r) if m.words == OTHER).apply(r).angles()
     down = SPACE_STABLE.attitude(mirrored) @ np.array([0.0, 0.0, 1.0])
     np.testing.assert_allclose(down[n:], down[:n], atol=1e-12)  # the same attitudes to gravity
     np.testing.assert_allclose(mirrored[n:, 1] - mirrored[:n, 1], np.pi)  # by another inner angle
-    oblique = next(m for m in menu(r) if m.words == OBLIQUE).apply(r).angles()
+    oblique = next(m for m in available_manoeuvres(r) if m.words == OBLIQUE).apply(r).angles()
     np.testing.assert_allclose(oblique[n:], 2 / 3 * oblique[:n])  # 45 and 90 degrees become 30 and 60
 
 
 def test_a_static_run_goes_on_as_the_earth_turns():
     r = REST.view.source
-    (m,) = menu(r)
+    (m,) = available_manoeuvres(r)
     made, n = m.apply(r), len(r.time)
     assert np.ptp(made.time) == pytest.approx(2 * np.ptp(r.time) + np.diff(r.time)[0])
     assert np.ptp(np.diff(made.time)) < 1e-6

@@ -73,7 +73,7 @@ def test_every_sample_tells_what_the_dwell_means_tell(recording):
 def test_rows_in_motion_take_no_part(recording):
     moving = replace(recording, position=np.where(np.arange(18) == 4, 0, recording.position))
     for averaged in (True, False):
-        assert len(view_of_positions(moving, NOISE, averaged=averaged).local.zero) == 17
+        assert len(view_of_positions(moving, NOISE, averaged=averaged).local.zero_values) == 17
 
 
 def test_visits_are_whitened_by_the_covariance_of_the_processes(recording):

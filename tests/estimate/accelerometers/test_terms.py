@@ -144,7 +144,7 @@ def test_a_setting_error_adds_to_the_readout_as_a_zero_of_that_gimbal_does():
     linear = by_visit(view, (), PARAMETERS, np.zeros(len(PARAMETERS)))
     for i, axis in enumerate(SPACE_STABLE.axis_names[:3]):
         np.testing.assert_allclose(linear.G[..., i], linear.J[..., LABELS.index(f"gimbal_zero:{axis}")], atol=1e-9)
-    moved = view.local.evaluate((), np.full(view.local.zero.shape, 3 * ARCSEC)).stimulus
+    moved = view.local.evaluate((), np.full(view.local.zero_values.shape, 3 * ARCSEC)).stimulus
     np.testing.assert_array_equal(moved.readout, view.stimulus.readout + 3 * ARCSEC)
     np.testing.assert_array_equal(moved.angle, moved.readout)
 
@@ -166,7 +166,7 @@ def test_the_setting_errors_of_a_fit_take_up_what_the_gimbals_did():
     truth = draw(rng)
     blank, loose = measured(truth, rng), Noise(SAMPLE, 20 * ARCSEC)
     view = view_of_positions(blank, loose)
-    e = 20 * ARCSEC * rng.standard_normal(view.local.zero.shape)
+    e = 20 * ARCSEC * rng.standard_normal(view.local.zero_values.shape)
     force = {("specific_force", a): f for a, f in zip("xyz", outputs(view, effects(truth), e).T, strict=True)}
     told = view_of_positions(blank.with_channels(force), loose)
     fit = fit_in_noise(told, loose, PARAMETERS[:1], effects(truth), truth[:1])
@@ -202,7 +202,7 @@ def test_poor_angles_are_aimed_at_what_the_force_shows():
         return view.local.start(view, model)
 
     local = view_of_positions(recording, poor).local
-    nowhere = local.zero
+    nowhere = local.zero_values
     before, after = (np.abs(local.evaluate(model, e).residual).max() for e in (nowhere, aimed(poor)))
     assert before > to_si(50.0, "mg")
     assert after < to_si(1.0, "mg")  # ten arcsec of 6 degrees, and the third order of those

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, parameters, with_values
-from gimbalcal.forward import picked, predict
+from gimbalcal.forward import predict, wanted_channels
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Platform
@@ -40,7 +40,7 @@ def run(platform: Platform, readout: Array, there: Sequence[Effect], noise: floa
 
     def off(true: Array) -> Array:
         r = made(true)
-        seen = picked(platform, predict(platform, on_stars(r), there, "pointing"), moved_channels(r))
+        seen = wanted_channels(platform, predict(platform, on_stars(r), there, "pointing"), moved_channels(r))
         return np.asarray(seen + scatter)
 
     for _ in range(8):  # a perfect mount would point to where this one looks

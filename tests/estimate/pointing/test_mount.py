@@ -9,7 +9,7 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.pointing.pattern import why_far
 from gimbalcal.platform import Axis, Platform
-from gimbalcal.views.pointing import nights
+from gimbalcal.views.pointing import split_nights
 from gimbalcal.words.calibration_sentences import calibration_in_words
 from tests.estimate.pointing.mounts import ALT_AZ, ARCSEC, EQUATORIAL, effects, run, sky
 from tests.golden import golden_text, refused
@@ -153,7 +153,7 @@ def test_a_file_is_cut_where_it_pauses_and_is_judged_as_one_mount():
     joined = {k: np.concatenate([first.channels[k], second.channels[k]]) for k in first.channels}
     time = np.concatenate([first.time, first.time[-1] + 1.8 * 86400 + second.time])
     whole = replace(first, time=time, channels=joined, weight=np.ones(len(time)))
-    assert [len(n.time) for n in nights(whole)] == [50, 50]
+    assert [len(n.time) for n in split_nights(whole)] == [50, 50]
     made = pointing_calibration([whole])
     np.testing.assert_allclose(made.values, pointing_calibration(two(0.0)).values, atol=1e-12)
     assert [n["stars"] for n in made.provenance["nights"]] == [50, 50]
