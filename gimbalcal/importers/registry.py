@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +17,7 @@ from gimbalcal.recording.record import Recording
 Reader = Callable[[Sequence[Path], Mapping[str, str]], Recording]
 DAMAGED = (
     OSError, EOFError, KeyError, ValueError, TypeError, OverflowError, MemoryError, RuntimeError, SyntaxError,
-    zipfile.BadZipFile, zlib.error,
+    zipfile.BadZipFile, zlib.error, tokenize.TokenError,
 )  # fmt: skip
 """What libraries raise at a file that is cut short, damaged or of another kind."""
 COMMON_OPTIONS = ("title", "means")  # that every kind has: another title; means = yes keeps one row per dwell

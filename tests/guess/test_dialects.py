@@ -180,6 +180,16 @@ def test_arrays_are_read_by_what_a_file_begins_with(tmp_path, kind):
     np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["log.npz", "log.npy"])
+def test_an_array_whose_header_is_damaged_is_refused(tmp_path, name):
+    t, f, w = turned()
+    path = tmp_path / name
+    (np.savez if name == "log.npz" else np.save)(path, np.column_stack([t, f, w]))
+    path.write_bytes(path.read_bytes().replace(b"'shape': (", b"'shape':((", 1))
+    with pytest.raises(InputError, match="is damaged"):
+        propose([path])
+
+
 def test_arrays_of_sensors_make_the_table_whatever_else_is_longer(tmp_path):
     t, f, w = turned()
     longer = np.zeros((len(t) + 1, 4))
