@@ -10,9 +10,10 @@ the cubic through the neighbours of both. Motion that a sampler can follow is sm
 rings: another channel of the triad is shaken by it without a spike of its own.
 
 Both distances follow from one fourth difference, :math:`|d_i| = |\delta^4 x_i| / 6` and
-:math:`|\delta^4 x_i + \delta^4 x_{i+1}| / 4`, and neither exceeds :math:`\tfrac32 \max |x_{i+1} - x_i|`. Where no first
-difference of a triad is large enough nothing else is formed; medians are taken only in stretches whose largest
-:math:`|d|` exceeds `MIN_RATIO` times the lower quartile of the recording, below which no stretch counts as quieter.
+:math:`|\delta^4 x_i + \delta^4 x_{i+1}| / 4`, and neither exceeds :math:`\tfrac32 \max |x_{i+1} - x_i|`. So they are
+formed only in stretches with a first difference that is large against the lower quartile of :math:`|d|` in the
+recording, below which no stretch counts as quieter, and medians only about rows whose :math:`|d|` exceeds `MIN_RATIO`
+times that quartile.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from gimbalcal.recording.document import LARGEST
 Rows = NDArray[np.int64]
 
 MIN_RATIO = 40.0  # medians of |d|, 37 sigma of white noise: beyond any noise of a sensor, heavy tails included
+MAX_DISTANCE = 1.5 * (1 + 1e-9)  # of |d|, in first differences of the rows about it
 MIN_RATIO_SLOW = 20.0  # the same where rows are seconds apart, or means, and the unit does not move in any
 MAX_RATIO_OTHERS = 10.0  # medians of |d| by which a channel may be off in the row of a spike of another
 MAX_SPREAD = 0.2  # of the spike: difference between predictions from different neighbours
@@ -58,11 +60,10 @@ def spikes(channels: Mapping[str, Array], slow: bool = False, least: float = 0.0
     inside = {name: bool(-LARGEST <= x.min() and x.max() <= LARGEST) for name, x in channels.items() if len(x)}
     # infinity is refused elsewhere
     channels = {n: x if inside.get(n) else np.clip(x, -LARGEST, LARGEST) for n, x in channels.items()}
-    fourth, off = {name: _fourth(x) for name, x in channels.items()}, dict[str, _Departure]()
+    steps = {name: _largest_steps(x) for name, x in channels.items()}
     for width in range(1, MAX_WIDTH + 1):
-        off.clear()  # of millions of rows
-        off |= {name: _Departure(x, width, least / MIN_RATIO_SLOW) for name, x in fourth.items()}
-        candidates = {name: _spikes(x, off[name].beyond(ratio), width, off[name].d) for name, x in channels.items()}
+        off = {name: _Departure(x, width, least / MIN_RATIO_SLOW) for name, x in channels.items()}
+        candidates = {name: _spikes(x, off[name], off[name].beyond(ratio, steps[name])) for name, x in channels.items()}
         for name, rows in candidates.items():
             kept = rows
             if len(rows) and not slow:
@@ -93,9 +94,8 @@ def predicted_by_neighbours(x: Array, rows: Rows) -> Array:
 def reliably_predicted(x: Array, rows: Rows) -> NDArray[np.bool_]:
     """Return whether near and far neighbours predict rows (k,) of x (n,) alike: the motion does not change there."""
     out = np.zeros(len(x), dtype=bool)
-    fourth = _fourth(x)
     for begin, width in _runs(rows):
-        off = _Departure(fourth, width)
+        off = _Departure(x, width)
         sure = _spread(x, begin, width) < MAX_RATIO_OTHERS * off.usual(begin)
         out[begin] = out[begin + width - 1] = sure
     return out[rows]
@@ -120,56 +120,75 @@ def _steps_far(x: Array, ratio: float) -> bool:
     return False
 
 
-class _Departure:
-    """|d| (n,) of the mean of `width` rows from each row on, by its fourth differences, and its usual size."""
+def _largest_steps(x: Array) -> Array:
+    """Return the largest first difference of x (n,) from the rows of each stretch to the rows after them."""
+    steps = np.zeros(-(-len(x) // STRETCH) * STRETCH)
+    if len(x):
+        np.abs(np.subtract(x[1:], x[:-1], out=steps[: len(x) - 1]), out=steps[: len(x) - 1])
+    while len(steps) * STRETCH > len(x) + STRETCH - 1:
+        steps = np.maximum(steps[::2], steps[1::2])
+    return steps
 
-    def __init__(self, fourth: Array, width: int, least: float = 0.0) -> None:
-        n = len(fourth)
-        self.d = np.zeros(n)
-        if width == 1:
-            np.abs(fourth, out=self.d)
-            self.d /= 6
-        elif n > 5:
-            inside = self.d[2 : n - 3]
-            np.abs(np.add(fourth[2 : n - 3], fourth[3 : n - 2], out=inside), out=inside)
-            inside /= 4
-        self.stretches = self.d[: n // STRETCH * STRETCH].reshape(-1, STRETCH)
-        some = self.stretches[:: max(1, n // ENOUGH)]
+
+def _distances(x: Array, begin: Rows, rows: int, width: int) -> Array:
+    """Return |d| (k, rows) of the mean of `width` rows of x (n,) from each of the rows after `begin` (k,).
+
+    It is zero where x does not reach two rows further on either side.
+    """
+    at = begin[:, None] + np.arange(-2, rows + width + 1)
+    fourth = np.diff(x[np.clip(at, 0, len(x) - 1)], 4, axis=1)
+    d = np.abs(fourth) / 6 if width == 1 else np.abs(fourth[:, :-1] + fourth[:, 1:]) / 4
+    first = at[:, 2 : rows + 2]
+    return np.where((first >= 2) & (first < len(x) - 1 - width), d, 0.0)
+
+
+class _Departure:
+    """|d| of the mean of `width` rows from each row of x (n,) on, and its usual size."""
+
+    def __init__(self, x: Array, width: int, least: float = 0.0) -> None:
+        n = len(x)
+        self.x, self.width, self.stretches = x, width, n // STRETCH
+        some = self.of(np.arange(0, self.stretches, max(1, n // ENOUGH)))
         some = some[some > 0]
-        some = some if len(some) > ENOUGH / 8 else self.d[self.d > 0]
+        every = self.of(np.arange(-(-n // STRETCH))) if least or len(some) <= ENOUGH / 8 else np.zeros(0)
+        some = some if len(some) > ENOUGH / 8 else every[every > 0]
         self.resolution = float(np.quantile(some, 0.25)) if len(some) else 0.0  # of readings in steps: a step
-        still = least and np.count_nonzero(self.d) <= MAX_SHARE_STILL * n
+        still = least and np.count_nonzero(every) <= MAX_SHARE_STILL * n
         self.fixed, self.least = (least, least) if still else (0.0, max(least, self.resolution))
 
-    def beyond(self, ratio: float) -> Rows:
-        """Return the rows whose |d| is more than `ratio` times the usual one."""
-        if len(self.d) < MIN_ROWS:
+    def of(self, stretches: Rows) -> Array:
+        """Return |d| (k, `STRETCH`) of stretches (k,), the last of which may end in rows that are not there."""
+        return _distances(self.x, stretches * STRETCH, STRETCH, self.width)
+
+    def at(self, rows: Rows) -> Array:
+        """Return |d| of rows (k,)."""
+        return _distances(self.x, rows, 1, self.width)[:, 0]
+
+    def beyond(self, ratio: float, steps: Array) -> Rows:
+        """Return the rows whose |d| is more than `ratio` times the usual one; steps: the largest of each stretch."""
+        if len(self.x) < MIN_ROWS or not self.least:
             return np.zeros(0, dtype=np.int64)
-        stretches = np.flatnonzero(self.stretches.max(axis=1) > ratio * self.least)
-        rows = (stretches[:, None] * STRETCH + np.arange(STRETCH)).ravel()
-        rows = np.concatenate([rows, np.arange(self.stretches.size, len(self.d))])
-        rows = rows[self.d[rows] > ratio * self.least]
+        limit = ratio * self.least
+        far = ~(MAX_DISTANCE * steps <= limit)  # what is no number is not small
+        far[1:], far[:-1] = far[1:] | far[:-1], far[:-1] | far[1:]
+        stretches = np.flatnonzero(far)
+        rows = (stretches[:, None] * STRETCH + np.arange(STRETCH))[self.of(stretches) > limit]
         return rows[self.ratio(rows) > ratio]
 
     def ratio(self, rows: Rows) -> Array:
         """Return |d| of rows (k,) over its usual size; zero where nothing shows a usual size."""
-        if not len(rows) or len(self.d) < MIN_ROWS or not self.least:
+        if not len(rows) or len(self.x) < MIN_ROWS or not self.least:
             return np.zeros(len(rows))
-        return np.asarray(self.d[rows] / (self.fixed or np.maximum(self.usual(rows), self.least)))
+        return np.asarray(self.at(rows) / (self.fixed or np.maximum(self.usual(rows), self.least)))
 
     def usual(self, rows: Rows) -> Array:
         """Return the usual |d| about rows (k,): the largest median of three stretches, or the resolution."""
-        last = len(self.stretches) - 1
+        last = self.stretches - 1
         own, at = np.unique(np.minimum(rows // STRETCH, last), return_inverse=True)
         neighbours = np.clip(own[:, None] + np.arange(-1, 2), 0, last)
         needed, where = np.unique(neighbours, return_inverse=True)
-        medians = np.median(self.stretches[needed], axis=1)[where].reshape(neighbours.shape)
+        medians = np.median(self.of(needed), axis=1)[where].reshape(neighbours.shape)
         return np.maximum(medians.max(axis=1)[at], self.resolution)
-
-
-def _fourth(x: Array) -> Array:
-    """Return the fourth difference centred on each row of x (n,), zero in the outer two."""
-    return np.pad(np.diff(x, 4), 2) if len(x) > 4 else np.zeros(len(x))
 
 
 def _runs(rows: Rows) -> list[tuple[Rows, int]]:
@@ -202,11 +221,11 @@ def _spread(x: Array, rows: Rows, width: int) -> Array:
     return np.ptp(np.stack([_even(x, rows, width, *pair) for pair in pairs]), axis=0)
 
 
-def _spikes(x: Array, rows: Rows, width: int, d: Array) -> Rows:
-    """Return those of `rows` from which on `width` rows depart from all neighbours alike and return."""
-    h = (width - 1) / 2
+def _spikes(x: Array, off: _Departure, rows: Rows) -> Rows:
+    """Return those of `rows` from which on as many as are off depart from all neighbours alike and return."""
+    width, h = off.width, (off.width - 1) / 2
     rows = rows[(rows >= NEIGHBOURS) & (rows < len(x) - NEIGHBOURS - width + 1)]
-    last, size = rows + width - 1, d[rows]
+    last, size = rows + width - 1, off.at(rows)
     step = x[last + 1] - x[rows - 1] - (x[last + NEIGHBOURS] - x[rows - NEIGHBOURS]) * (1 + h) / (NEIGHBOURS + h)
     difference = np.abs((x[last] - x[rows]) / 2 - _odd(x, rows, width))
     alike = (np.abs(step) < MAX_STEP[width] * size) & (difference <= MAX_DIFFERENCE * size)
