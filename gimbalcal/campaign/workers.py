@@ -21,6 +21,7 @@ from time import monotonic
 from typing import Any, TypeVar
 
 from gimbalcal.errors import InputError, amount
+from gimbalcal.memory_reuse import reuse_freed_memory
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -115,6 +116,7 @@ def _pooled(work: Callable[[Item], Result], items: Sequence[Item], workers: int)
 
 def _begin() -> None:
     """Leave Ctrl-C to the parent of a worker, and end the worker with it and with the server that forked it."""
+    reuse_freed_memory()
     signal(SIGINT, SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
 

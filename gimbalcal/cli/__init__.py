@@ -7,7 +7,6 @@ Heavy packages are imported inside the commands, so that `gimbalcal --help` answ
 
 from __future__ import annotations
 
-import gc
 import io
 import os
 import sys
@@ -30,14 +29,14 @@ from gimbalcal.cli.options import EFFECTS, example
 from gimbalcal.cli.plain_characters import print_plain_characters, say
 from gimbalcal.cli.planning import budget, campaign, design, next_, observe, simulate
 from gimbalcal.errors import InputError, shortened
+from gimbalcal.memory_reuse import reuse_freed_memory
 
-GC_THRESHOLD = 50_000  # objects between collections, which at the default take a tenth of a short command
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
 
 def main() -> None:
     """Run the command line; every refusal is one sentence on stderr and exit status 2."""
-    gc.set_threshold(GC_THRESHOLD)
+    reuse_freed_memory()
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller
             setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
