@@ -15,7 +15,9 @@ def lean(beta: Array, force: Array) -> Array:
     """
     xy, xz, yz, yx, zx, zy = beta
     fx, fy, fz = (force[..., i] for i in range(3))
-    return np.stack([xz * fy - xy * fz, yx * fz - yz * fx, zy * fx - zx * fy], axis=-1)
+    out = np.empty(np.shape(force), dtype=np.result_type(beta, force))
+    out[..., 0], out[..., 1], out[..., 2] = xz * fy - xy * fz, yx * fz - yz * fx, zy * fx - zx * fy
+    return out
 
 
 def leaning(beta: Array) -> Array:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
@@ -320,7 +320,13 @@ def with_values(
             fields[p.field][p.index] = value
         else:
             fields[p.field] = value
-    return tuple(dataclasses.replace(e, **changes[i]) if i in changes else e for i, e in by_id.items())
+    return tuple(_with_fields(e, changes[i]) if i in changes else e for i, e in by_id.items())
+
+
+def _with_fields(effect: Effect, changes: Mapping[str, Any]) -> Effect:
+    out = object.__new__(type(effect))  # what `dataclasses.replace` does, without a look at every field
+    vars(out).update(vars(effect), **changes)
+    return out
 
 
 def equation(cls: type[Effect]) -> str:

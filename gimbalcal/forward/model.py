@@ -16,6 +16,10 @@ from gimbalcal.platform import Platform
 from gimbalcal.rotation import tilt_rotation
 
 SENSED = ("specific_force", "angular_rate")  # by sensors in one block
+SENSOR_CHAINS = {
+    "specific_force": ("force", (Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER)),
+    "angular_rate": ("rate", (Stage.RATE_AXIS, Stage.RATE_SCALE, Stage.GYROSCOPE)),
+}  # what sensors feel, and the stages that add to it in this order until it is read
 
 
 def predict(
@@ -104,10 +108,7 @@ def on_target(platform: Platform, s: Stimulus) -> Stimulus:
 
 def accelerometers(force: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Return the accelerometer outputs (n, 3) [m/s^2] for the specific force f^p (n, 3): Wu et al. (2018), Eq. (6)."""
-    s = s.at(force=force)
-    s = s.at(force=s.force + total_addition(effects, Stage.INPUT_AXIS, s))
-    s = s.at(force=s.force + total_addition(effects, Stage.SCALE, s))
-    return np.asarray(s.force + total_addition(effects, Stage.ACCELEROMETER, s))
+    return reading_after_stages(*SENSOR_CHAINS["specific_force"], s.at(force=force), effects)
 
 
 def angular_rate(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_rate: Array) -> Array:
@@ -133,10 +134,16 @@ def rate_of_chain(platform: Platform, s: Stimulus, effects: Sequence[Effect], re
 
 def gyroscopes(rate: Array, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Return the gyroscope outputs (n, 3) [rad/s] for the angular rate (n, 3) of the sensor block."""
-    s = s.at(rate=rate)
-    s = s.at(rate=s.rate + total_addition(effects, Stage.RATE_AXIS, s))
-    s = s.at(rate=s.rate + total_addition(effects, Stage.RATE_SCALE, s))
-    return np.asarray(s.rate + total_addition(effects, Stage.GYROSCOPE, s))
+    return reading_after_stages(*SENSOR_CHAINS["angular_rate"], s.at(rate=rate), effects)
+
+
+def reading_after_stages(felt: str, stages: Sequence[Stage], s: Stimulus, effects: Sequence[Effect]) -> Array:
+    """Return what is left (n, 3) of the "force" or "rate" felt in `s` after each of the stages has added to it."""
+    value = getattr(s, felt)
+    for stage in stages:
+        value = value + total_addition(effects, stage, s)
+        s = s.at(**{felt: value})
+    return np.asarray(value)
 
 
 def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:

@@ -18,8 +18,16 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, values, with_values
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
-from gimbalcal.forward.model import OTHER_KINDS, SENSED, block_force, predict, sensors
+from gimbalcal.effects.effect import GYROSCOPE_STAGES
+from gimbalcal.forward.model import (
+    OTHER_KINDS,
+    SENSED,
+    SENSOR_CHAINS,
+    block_force,
+    predict,
+    reading_after_stages,
+    sensors,
+)
 from gimbalcal.number import STEP, Array, complex_step
 from gimbalcal.platform import Platform
 from gimbalcal.recording.record import Key
@@ -153,31 +161,30 @@ def linearise(
     """
     force = None if kind in OTHER_KINDS else block_force(platform, s, effects)
     quantities = {q for q, _ in channels} if channels is not None else set(SENSED)
-    of_sensors = SENSOR_STAGES | GYROSCOPE_STAGES
 
-    def outputs(effects: Sequence[Effect], stage: Stage | None = None) -> dict[str, Array]:
+    def outputs(effects: Sequence[Effect]) -> dict[str, Array]:
         if force is None:
             return predict(platform, s, effects, kind)
-        if stage is None:
-            return sensors(force, s, effects, quantities)
-        if stage in of_sensors:  # force and the other triad are as they were
-            shown = {"angular_rate" if stage in GYROSCOPE_STAGES else "specific_force"}
-            return unperturbed | sensors(force, s, effects, shown & quantities)
         return sensors(block_force(platform, s, effects), s, effects, quantities)
 
-    unperturbed = outputs(effects)
+    unperturbed = outputs(effects) if force is None else sensors(force, s, effects, quantities)
     keys = tuple(channels) if channels is not None else all_outputs(platform, unperturbed)
     predicted = wanted_channels(platform, unperturbed, keys)
     stimuli: dict[Stage, Stimulus] = {}
     sensitivity: dict[Stage, Array] = {}
-    for stage in sorted(stages, key=list(Stage).index):  # a set has another order in every run
+    stages = sorted(stages, key=list(Stage).index)  # a set has another order in every run
+    of_sensors = {} if force is None else sensitivities_of_sensors(s.at(force=force), effects, keys, stages)
+    for stage in stages:
         if stage in ONLY_IN and not any(q == ONLY_IN[stage] for q, _ in keys):
+            continue
+        if stage in of_sensors:
+            stimuli[stage], sensitivity[stage] = of_sensors[stage]
             continue
         columns = []
         shape = shape_of_addition(stage, platform)
         for unit in np.eye(int(np.prod(shape))):
             probe = _PROBES[stage](value=(1j * STEP * unit).reshape(shape), met=stimuli)
-            added = wanted_channels(platform, outputs((*effects, probe), stage), keys)
+            added = wanted_channels(platform, outputs((*effects, probe)), keys)
             columns.append(added.imag / STEP)
             if stage not in stimuli:
                 break
@@ -187,6 +194,31 @@ def linearise(
             stimuli[stage] = met.at(force=met.force.real, angle=met.angle.real, rate=met.rate.real)
     residual = np.zeros_like(predicted) if read is None else difference(read, predicted, keys)
     return Rows(platform, kind, s, tuple(effects), keys, residual, stimuli, sensitivity)
+
+
+def sensitivities_of_sensors(
+    s: Stimulus, effects: Sequence[Effect], keys: Sequence[Key], wanted: Sequence[Stage]
+) -> dict[Stage, tuple[Stimulus, Array]]:
+    """Return what the wanted stages of sensors that feel `s` experience, and the sensitivity (n, C, 3) to each.
+
+    What is added at a stage goes through the stages behind it alone.
+    """
+    out = {}
+    for quantity, (felt, stages) in SENSOR_CHAINS.items():
+        shown = {i: AXES[quantity].index(axis) for i, (q, axis) in enumerate(keys) if q == quantity}
+        met = s
+        for k, stage in enumerate(stages if shown and not set(wanted).isdisjoint(stages) else ()):
+            passed = reading_after_stages(felt, stages[k : k + 1], met, effects)
+            if stage in wanted:
+                S = np.zeros((len(passed), len(keys), 3))
+                for number, unit in enumerate(np.eye(3)):
+                    added = reading_after_stages(
+                        felt, stages[k + 1 :], met.at(**{felt: passed + 1j * STEP * unit}), effects
+                    )
+                    S[:, [*shown], number] = added[:, [*shown.values()]].imag / STEP
+                out[stage] = met, S
+            met = met.at(**{felt: passed})
+    return out
 
 
 def jacobian(
