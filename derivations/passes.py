@@ -150,12 +150,12 @@ def stretch_by_biases() -> float:
 
 def end_of_stretch() -> float:
     """Where a reference ends that is driven by 0.2 m/s^2, less where the next, turned by `TILT`, starts."""
-    from gimbalcal.estimate.systematic.error_model import STATE_SCALE, defects
+    from gimbalcal.estimate.systematic.error_model import STATE_SCALE, reference_defects
 
     s, C, model = _model()
     shifted = C.copy()
     shifted[3] = rotation(TILT / np.linalg.norm(TILT), float(np.linalg.norm(TILT))) @ C[3]
-    d = defects(s, s.readings, shifted, model)[2, :6] * STATE_SCALE[:6]
+    d = reference_defects(s, s.readings, shifted, model)[2, :6] * STATE_SCALE[:6]
     driven = np.concatenate([C[2] @ BIASES[3:], C[2] @ FORCE])
     wanted = _derived_transition()[1][:6, :6] @ driven - np.r_[TILT, np.zeros(3)]
     return float(np.abs(d - wanted).max())
@@ -268,10 +268,10 @@ def inverted() -> float:
 def stated_calibration() -> float:
     """Biases of the calibration over their true size, and its sigmas over those of the information of the data."""
     from gimbalcal.effects import values
-    from gimbalcal.estimate.systematic.calibrate import calibrated
+    from gimbalcal.estimate.systematic.calibrate import calibration_of_fit
 
     fit = _fitted()
-    c = calibrated(fit)
+    c = calibration_of_fit(fit)
     off = np.abs(np.asarray(values(c.effects, fit.wanted)) - fit.theta).max() / np.abs(BIASES).min()
     scale = np.array([p.sigma for p in fit.wanted])
     P = (fit.last.factor @ fit.last.factor.T) * np.outer(scale, scale)  # beside a prior of ten times the usual sigmas
@@ -280,7 +280,7 @@ def stated_calibration() -> float:
 
 def joint_information() -> float:
     """Information of three recordings less its sum over each, about values between theirs, over the largest."""
-    from gimbalcal.estimate.systematic.calibrate import _joint
+    from gimbalcal.estimate.systematic.calibrate import joint_information
     from gimbalcal.estimate.systematic.filter_pass import data_information
 
     fit, about = _fitted(), 0.3 * BIASES
@@ -291,7 +291,7 @@ def joint_information() -> float:
     for m in each:
         rows = data_information(m.wanted, m.last.factor, m.unregularised - about, scale).rows
         total += rows[:, :n].T @ rows[:, : n + 1]
-    rows = _joint(fit.wanted, each, about).rows
+    rows = joint_information(fit.wanted, each, about).rows
     return float(np.abs(rows[:, :n].T @ rows[:, : n + 1] - total).max() / np.abs(total).max())
 
 

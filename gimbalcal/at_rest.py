@@ -16,7 +16,7 @@ import numpy as np
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.entries import Entry, Json
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.inference.allan import MIN_P_VALUE, MIN_ROWS, AllanCurve, AllanFit, allan_curve, allan_law, fit
 from gimbalcal.number import Array
 from gimbalcal.quantities import QUANTITIES
@@ -245,7 +245,7 @@ def _stretches(recording: Recording) -> tuple[list[slice], float]:
     out = [p for p in pieces if p.stop - p.start >= MIN_ROWS]
     if not out:
         unbroken = " without a pause of the clock" if any(d.stop - d.start >= MIN_ROWS for d in rests) else ""
-        longest = amount(max((p.stop - p.start for p in pieces), default=0), "row")
+        longest = number_of(max((p.stop - p.start for p in pieces), default=0), "row")
         raise InputError(
             f"{recording.title!r}: the longest rest{unbroken} has {longest}, and noise takes {MIN_ROWS} or more; "
             "leave the unit alone for an hour while it is logged"
@@ -265,7 +265,7 @@ def _without_the_earth(recording: Recording, x: Array) -> Array:
     return np.asarray(x - A @ np.linalg.lstsq(A, x, rcond=None)[0])
 
 
-def header(channels: tuple[Channel, ...]) -> dict[str, StatedNoise]:
+def noise_header(channels: tuple[Channel, ...]) -> dict[str, StatedNoise]:
     """Return what `[noise]` may state: one sigma of a sample as white noise, the rms of the axes of the first sensors.
 
     Axes whose curve is another, or in which no white noise shows, do not count; where none is left nothing is stated.
@@ -294,7 +294,7 @@ def rest_noise(recording: Recording) -> RestNoise:
         seconds=float(first.lengths.sum() * first.step),
         longest_s=float(first.lengths.max() * first.step),
         rate_hz=1 / first.step,
-        header=header(channels),
+        header=noise_header(channels),
         channels=tuple(c.result for c in channels),
         recordings=recording.source,
     )
@@ -309,7 +309,7 @@ def in_words(channels: tuple[Channel, ...]) -> str:
         mine = [c for c in every if c.name not in unmodelled] or every  # else the numbers mean nothing
         if not mine:
             continue
-        parts.append(f"{SENSOR_OF[quantity]}s: {', '.join(_largest(mine, k) for k in range(3))}")
+        parts.append(f"{SENSOR_OF[quantity]}s: {', '.join(largest_coefficient(mine, k) for k in range(3))}")
     sentence = "; ".join(parts)
     if unmodelled:
         one = "s" if len(unmodelled) == 1 else ""
@@ -321,7 +321,7 @@ def in_words(channels: tuple[Channel, ...]) -> str:
     return sentence
 
 
-def _largest(mine: list[Channel], part: int) -> str:
+def largest_coefficient(mine: list[Channel], part: int) -> str:
     """Return the largest coefficient of a kind among channels in words."""
     names = ("white noise", "bias instability", "random walk")
     coefficients = [(c.coefficient(part), c.key[1]) for c in mine]

@@ -23,12 +23,12 @@ ENGINE_FULL = "os error"  # how an engine that is no Python's tells of the syste
 
 
 @contextmanager
-def file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """Yield a name to write to in the folder of `path`, which takes its place when the block ends."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.part")
     try:
-        with _naming(lambda _: path):
+        with naming_full_disk(lambda _: path):
             yield temporary
         temporary.replace(path)
     finally:
@@ -37,7 +37,7 @@ def file(path: Path) -> Iterator[Path]:
 
 def write(path: Path, content: str | bytes) -> None:
     """Write a text (as UTF-8) or bytes, so that an interruption leaves the old file or none."""
-    with file(path) as temporary:
+    with atomic_file(path) as temporary:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
@@ -63,7 +63,7 @@ def _with_nulls(content: Any) -> Any:
 
 
 @contextmanager
-def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterator[Path]:
+def atomic_folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterator[Path]:
     """Yield a new folder to write files into, which becomes `path` when the block ends; nothing remains where it fails.
 
     What is written may have folders of its own. Where `path` is a folder already its files of the same names are
@@ -78,11 +78,11 @@ def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterato
     parent = next(p for p in (parent, *parent.parents) if p.is_dir())
     for each in {parent, home.parent, home}:
         _remove_abandoned(each, home.name)
-    private, lock = _private(parent, home.name)
+    private, lock = hidden_folder(parent, home.name)
     try:
         new_folder = private / "new"
         new_folder.mkdir()  # as the mask lets others read it, which mkdtemp does not
-        with _naming(
+        with naming_full_disk(
             lambda reported: (
                 path
                 / (reported if reported and new_folder in reported.parents else _latest(new_folder)).relative_to(
@@ -101,7 +101,7 @@ def folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> Iterato
         os.close(lock)
 
 
-def _private(parent: Path, name: str) -> tuple[Path, int]:
+def hidden_folder(parent: Path, name: str) -> tuple[Path, int]:
     """Return a new hidden folder of this process, and the file descriptor that keeps it locked."""
     while True:
         private = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=parent))
@@ -115,7 +115,7 @@ def _private(parent: Path, name: str) -> tuple[Path, int]:
 
 
 def _remove_abandoned(parent: Path, name: str) -> None:
-    """Remove the hidden folders of `_private` that killed processes left: nobody holds their locks any more."""
+    """Remove the hidden folders of `hidden_folder` that killed processes left: nobody holds their locks any more."""
     pattern = re.compile(rf"\.{re.escape(name)}-[a-z0-9_]{{8}}")
     with suppress(OSError):
         for path in [p for p in parent.iterdir() if pattern.fullmatch(p.name) and p.is_dir() and not p.is_symlink()]:
@@ -154,7 +154,9 @@ def _exchange_whole(new_folder: Path, path: Path, gone: Collection[Path]) -> boo
         return False
     whole = new_folder.with_name("whole")
     try:
-        if not _merge(new_folder, path, whole, {path / each for each in gone}) or not _exchange(whole, path):
+        if not merge_folders(new_folder, path, whole, {path / each for each in gone}) or not exchange_folders(
+            whole, path
+        ):
             return False
     except OSError:
         return False
@@ -162,7 +164,7 @@ def _exchange_whole(new_folder: Path, path: Path, gone: Collection[Path]) -> boo
     return True
 
 
-def _merge(new_folder: Path, path: Path, whole: Path, gone: Collection[Path]) -> bool:
+def merge_folders(new_folder: Path, path: Path, whole: Path, gone: Collection[Path]) -> bool:
     """Make `whole` of `new_folder` and the rest of `path`; False where that cannot be, as with folders only in `path`.
 
     All are second names of the files, which take no room.
@@ -172,7 +174,7 @@ def _merge(new_folder: Path, path: Path, whole: Path, gone: Collection[Path]) ->
     for each in new_folder.iterdir():
         if not each.is_dir():
             os.link(each, whole / each.name, follow_symlinks=False)
-        elif not _merge(each, path / each.name, whole / each.name, gone):
+        elif not merge_folders(each, path / each.name, whole / each.name, gone):
             return False
     if path.is_dir():
         shutil.copystat(path, whole)
@@ -181,7 +183,7 @@ def _merge(new_folder: Path, path: Path, whole: Path, gone: Collection[Path]) ->
         for each in (e for e in path.iterdir() if e.name not in new and e not in gone):
             if not each.is_dir():
                 os.link(each, whole / each.name, follow_symlinks=False)
-            elif not each.name.startswith(f".{path.name}-"):  # what a kill left of `folder`
+            elif not each.name.startswith(f".{path.name}-"):  # what a kill left of `atomic_folder`
                 return False
     os.utime(whole)
     return True
@@ -200,10 +202,10 @@ def _keep_foreign(new_folder: Path, old: Path, path: Path, gone: Collection[Path
 def _exchangeable(path: Path) -> bool:
     """Return whether the folder can be replaced by another: it is no mount point, and not the working directory."""
     ours = os.access(path.parent, os.W_OK | os.X_OK)
-    return ours and not _mounted(path) and not Path.cwd().is_relative_to(path)
+    return ours and not is_mount_point(path) and not Path.cwd().is_relative_to(path)
 
 
-def _mounted(path: Path) -> bool:
+def is_mount_point(path: Path) -> bool:
     """Return whether a disk, or a folder of it, is mounted at that place."""
     with suppress(OSError):
         if f" {path} " in Path("/proc/self/mountinfo").read_text(errors="replace"):
@@ -211,7 +213,7 @@ def _mounted(path: Path) -> bool:
     return path.is_mount()
 
 
-def _exchange(one: Path, other: Path) -> bool:
+def exchange_folders(one: Path, other: Path) -> bool:
     """Exchange two folders in one step of the system, and return whether that was possible."""
     import ctypes  # not before: most of what is written needs none
 
@@ -229,7 +231,7 @@ def _latest(new_folder: Path) -> Path:
 
 
 @contextmanager
-def _naming(path: Callable[[Path | None], Path]) -> Iterator[None]:
+def naming_full_disk(path: Callable[[Path | None], Path]) -> Iterator[None]:
     """Raise a full disk as one sentence with the name of the file, which the system reports only sometimes, an engine
     never.
 

@@ -12,7 +12,7 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
-from gimbalcal.errors import InputError, shortened
+from gimbalcal.errors import InputError, shortened_text
 
 Json = dict[str, Any]  # the content of a JSON file, or of an object in it
 E = TypeVar("E")
@@ -40,18 +40,18 @@ class Entry:
 def fields_of(value: Any) -> Json:
     """Return the fields of a dataclass by their names in a file, those that are None left out."""
     every = {f.name.rstrip("_"): getattr(value, f.name) for f in fields(value)}
-    return {key: plain(one) for key, one in every.items() if one is not None}
+    return {key: plain_json(one) for key, one in every.items() if one is not None}
 
 
-def plain(value: Any) -> Any:
+def plain_json(value: Any) -> Any:
     """Return a value in the types of JSON."""
     if isinstance(value, Entry):
         return value.to_dict()
     if is_dataclass(value):
         return fields_of(value)
     if isinstance(value, Mapping):
-        return {key: plain(one) for key, one in value.items()}
-    return [plain(one) for one in value] if isinstance(value, (tuple, list)) else value
+        return {key: plain_json(one) for key, one in value.items()}
+    return [plain_json(one) for one in value] if isinstance(value, (tuple, list)) else value
 
 
 def entry_from(cls: type[E], content: object, where: str) -> E:
@@ -69,10 +69,12 @@ def entry_from(cls: type[E], content: object, where: str) -> E:
         place = " / ".join(map(str, filter(None, (where, *steps)))) or "the content"
         if first["type"] == "missing":
             raise InputError(f"{place} is missing") from None
-        raise InputError(f"{place} cannot be {shortened(repr(first['input']), MAX_SHOWN)}: {expected(first)}") from None
+        raise InputError(
+            f"{place} cannot be {shortened_text(repr(first['input']), MAX_SHOWN)}: {expected_in_words(first)}"
+        ) from None
 
 
-def expected(problem: Mapping[str, Any]) -> str:
+def expected_in_words(problem: Mapping[str, Any]) -> str:
     """Return in words what is expected where a validation error of pydantic lies."""
     kind, message = problem["type"].rpartition("_")[0], problem["msg"].removeprefix("Value error, ")
     return f"it must be {WANTED[kind]}" if kind in WANTED else message.replace("Input should be", "it must be", 1)

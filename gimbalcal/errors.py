@@ -13,7 +13,7 @@ class InputError(ValueError):
     """
 
 
-def amount(n: int, noun: str, plural: str = "") -> str:
+def number_of(n: int, noun: str, plural: str = "") -> str:
     """Return a number with its noun.
 
     >>> amount(1, "rest position"), amount(7, "rest position"), amount(2, "axis", "axes")
@@ -22,7 +22,7 @@ def amount(n: int, noun: str, plural: str = "") -> str:
     return f"{n} {noun if n == 1 else plural or noun + 's'}"
 
 
-def alternatives(items: Sequence[str]) -> str:
+def list_of_alternatives(items: Sequence[str]) -> str:
     """Return items as a list of alternatives, "a, b or c".
 
     >>> alternatives(["a", "b", "c"])
@@ -31,6 +31,6 @@ def alternatives(items: Sequence[str]) -> str:
     return " or ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
 
 
-def shortened(text: str, most: int = 60) -> str:
+def shortened_text(text: str, most: int = 60) -> str:
     """Return `text`, less its middle where it is long: a message shows what was written, not all of it."""
     return text if len(text) <= most else f"{text[: most // 2]}...{text[-most // 4 :]}"

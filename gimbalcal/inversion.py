@@ -14,7 +14,7 @@ MIN_RELATIVE_SINGULAR_VALUE = 1e-3  # of the largest singular value of H: along 
 MAX_STEPS = 20  # four or five are enough where the law is not flat
 
 
-def invert(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
+def invert_response(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
     r"""Solve h(f) = y for f (n, 3) by Newton's method from f = y; h couples only the axes of one row.
 
     .. math:: f \leftarrow f + H^{-1} \left(y - h(f)\right), \qquad H = \partial h / \partial f
@@ -27,7 +27,7 @@ def invert(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
     f = np.array(y, dtype=float)
     for _ in range(MAX_STEPS):
         with np.errstate(invalid="ignore", over="ignore"):  # where no f reads y, a step may leave the law's domain
-            read, H = response(h, f)
+            read, H = response_with_derivative(h, f)
             flat = np.abs(np.linalg.det(H)) < MIN_DETERMINANT
             residual = (y - read)[..., None]
             step = np.linalg.solve(np.where(flat[:, None, None], np.eye(3), H), residual)[..., 0]
@@ -40,6 +40,6 @@ def invert(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array, Array]:
     return f, H, flat
 
 
-def response(h: Callable[[Array], Array], f: Array) -> tuple[Array, Array]:
+def response_with_derivative(h: Callable[[Array], Array], f: Array) -> tuple[Array, Array]:
     """Return h(f) (n, 3) and its exact derivative H (n, 3, 3); h couples only the axes of one row."""
     return h(f), complex_step(h, f)

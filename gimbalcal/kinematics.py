@@ -127,10 +127,10 @@ def _true_angle(recording: Recording) -> Array | None:
 
 def lost_to_averaging(recording: Recording, force: Array) -> Array:
     """Return what means over blocks lose of the ideal force (n, 3) of a static run, whose equatorial part turns."""
-    return shortening(recording)[:, None] * force * EQUATORIAL
+    return mean_shortening(recording)[:, None] * force * EQUATORIAL
 
 
-def shortening(recording: Recording) -> Array:
+def mean_shortening(recording: Recording) -> Array:
     r"""Return 1 - kappa (n,) of rows that are means of m samples h apart; zero for single samples.
 
     .. math:: \overline{\cos S_t} = \kappa \cos S_t(\bar t), \qquad

@@ -8,7 +8,7 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from gimbalcal.errors import InputError, alternatives
+from gimbalcal.errors import InputError, list_of_alternatives
 from gimbalcal.progress import Progress, no_progress
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class Method:
             if value and option not in self.options and not (option == "states" and value == ALL_STATES):
                 text = value if isinstance(value, str) else ",".join(value)
                 able = [m.name for m in METHODS.values() if option in m.options and m.in_words]
-                suited = f"--method {alternatives(able)}" if able else "a pointing run"
+                suited = f"--method {list_of_alternatives(able)}" if able else "a pointing run"
                 raise InputError(f"--{word} {text} goes with {suited}; {self.name} does not take it, leave it out")
         if len(request.recordings) > 1 and not self.several:
             raise InputError(f"--method {self.name} takes one recording: calibrate each by itself")

@@ -13,10 +13,10 @@ import gimbalcal
 from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance
 from gimbalcal.calibration.content_checks import refuse_not_finite
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
-from gimbalcal.effects.loading import outside
+from gimbalcal.effects.loading import files_outside
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR
-from gimbalcal.estimate.grade import graded
+from gimbalcal.estimate.grade import grade_of_unit
 from gimbalcal.estimate.sharing import CrossCheck, cross_check
 from gimbalcal.history.fleet import Fleet, grade_and_fleet, rests_on_fleet, with_fleet
 from gimbalcal.method_table import METHODS, Request
@@ -89,7 +89,7 @@ def calibrate_each(
         if len(groups) > 1:
             progress(f"calibrating {group[0].title}")
         request = Request(group, tuple(terms), tuple(more), tuple(without), states, grade, progress)
-        results.append((_calibrated(method, request, known), group))
+        results.append((calibrate_unit(method, request, known), group))
     if len(results) == 1:
         return tuple(results)
     checks = cross_checks(results, progress)
@@ -123,7 +123,7 @@ def cross_checks(
     return checks
 
 
-def _calibrated(method: str, request: Request, known: Fleet | None) -> Calibration:
+def calibrate_unit(method: str, request: Request, known: Fleet | None) -> Calibration:
     """Calibrate one unit by `method`, question unusual constants, add a fleet as prior, and the provenance."""
     recordings = request.recordings
     if method != "pointing" and any(r.kind.sighting for r in recordings):
@@ -139,7 +139,7 @@ def _calibrated(method: str, request: Request, known: Fleet | None) -> Calibrati
         request.progress(words)
     calibration = with_reversed_angle(with_gravity(calibration, recordings), recordings, again)
     if all(r.kind.inertial for r in recordings):
-        calibration = with_question(calibration, recordings, graded(recordings, request.grade), again)
+        calibration = with_question(calibration, recordings, grade_of_unit(recordings, request.grade), again)
     if known is not None:
         calibration = with_fleet(calibration, known, recordings)
         origin = calibration.provenance.options.grade
@@ -176,7 +176,7 @@ def provenance(request: Request, calibration: Calibration) -> Provenance:
     return replace(
         calibration.provenance,
         recordings=tuple(file for r in recordings for file in r.source),
-        effects=outside({p.effect for p in calibration.parameters}) or None,
+        effects=files_outside({p.effect for p in calibration.parameters}) or None,
         version=gimbalcal.__version__,
         options=options,
         recorded=when_recorded(recordings),

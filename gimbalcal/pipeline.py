@@ -13,18 +13,18 @@ from pathlib import Path
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.checks.table import refuse_implausible
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import fine
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions, view_of_every_row
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, ExtraEffect, extra_effects
 from gimbalcal.estimate.fit import fit
-from gimbalcal.estimate.grade import graded
+from gimbalcal.estimate.grade import grade_of_unit
 from gimbalcal.estimate.static_run.system import (
     both_levels,
-    fuse,
-    static,
+    calibrate_static_run,
+    fuse_stages,
     static_parameters,
     static_readings,
     static_view_with,
@@ -92,7 +92,7 @@ def three_stage(
     estimated from the noise). Raises InputError when there is neither kind of recording, or two of a kind.
     """
     recordings = [completed(r) for r in recordings]
-    unit = graded(recordings, grade)
+    unit = grade_of_unit(recordings, grade)
     progress(unit.in_words)
     calibration = _three_stages(unit.of(recordings), progress, more)
     return replace(calibration, provenance=calibration.provenance.with_options(grade=unit.origin))
@@ -105,7 +105,7 @@ def _three_stages(recordings: Sequence[Recording], progress: Progress, more: Seq
         progress("system level: static run alone")
         wanted = static_parameters(at_rest)
         extra = fit([static_view_with(at_rest, more)], wanted).extension(more) if more else NO_EXTENSION
-        return extra.complete(static(at_rest, extra.effects, (*wanted, *extra.parameters)))
+        return extra.complete(calibrate_static_run(at_rest, extra.effects, (*wanted, *extra.parameters)))
     if device is None:
         raise InputError("`calibrate` needs a multi-position recording, a static run, or one of each")
 
@@ -135,8 +135,8 @@ def _three_stages(recordings: Sequence[Recording], progress: Progress, more: Seq
     absent = tuple(e for e in extra.effects if e.id not in {o.id for o in both.effects})
     both = replace(both, effects=(*both.effects, *absent))
     device_level, system_level, solution = both_levels(positions, at_rest, both.effects, wanted)
-    third = fuse(device_level, system_level, both, solution)
-    alone = static(at_rest).stages
+    third = fuse_stages(device_level, system_level, both, solution)
+    alone = calibrate_static_run(at_rest).stages
     return extra.complete(replace(third, method="three-stage", stages=(*stages, *alone, *third.stages)))
 
 
@@ -150,7 +150,8 @@ def _refuse_too_little(device: Recording) -> None:
     positions = sorted({d.position for d in dwells(device)})
     if len(positions) < FEWEST_POSITIONS:
         raise InputError(
-            f"{device.title!r} holds {amount(len(positions), 'position')} ({', '.join(map(str, positions))}), from "
+            f"{device.title!r} holds {number_of(len(positions), 'position')} "
+            f"({', '.join(map(str, positions))}), from "
             f"which the errors of three accelerometers cannot be determined; hold {FEWEST_POSITIONS} or more, each "
             "axis up, down and tilted"
         )

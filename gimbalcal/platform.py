@@ -137,6 +137,6 @@ KNOWN: dict[str, Platform] = {
 STABILISED = KNOWN | {"space-stable": SPACE_STABLE_INERTIAL}
 
 
-def known(name: str, stabilised: bool = False) -> Platform | None:
+def known_platform(name: str, stabilised: bool = False) -> Platform | None:
     """Return the known platform of that name; one that is stable in inertial space reads inertial angles (Eq. (4))."""
     return (STABILISED if stabilised else KNOWN).get(name)

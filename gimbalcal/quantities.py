@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from gimbalcal.errors import InputError, alternatives
+from gimbalcal.errors import InputError, list_of_alternatives
 from gimbalcal.units import parse
 
 
@@ -48,7 +48,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
 """Known quantities. A ``covariate`` may have any unit at all, so it is not here."""
 
 
-def check(unit: str, quantity: str) -> None:
+def refuse_unit(unit: str, quantity: str) -> None:
     """Refuse a `unit` that is unknown or is not one of `quantity`, and say which ones are.
 
     >>> check("deg/h", "angular_rate")
@@ -57,7 +57,7 @@ def check(unit: str, quantity: str) -> None:
     if known is None:
         parse(unit)
         return
-    choice = f"give the {quantity} in {alternatives(known.units)}"
+    choice = f"give the {quantity} in {list_of_alternatives(known.units)}"
     try:
         dimension = parse(unit).dimension
     except InputError:

@@ -114,7 +114,7 @@ def mean_rates(time: Array, rate: Array) -> tuple[Array, Array, Array]:
     return (rate[1:] + rate[:-1]) / 2, bend, np.cross(rate[:-1], rate[1:]) * dt / 12
 
 
-def composed(C: Array) -> Array:
+def composed_rotation(C: Array) -> Array:
     """Return the rotation (m, 3, 3) of n steps C (m, n, 3, 3), each from the frame in which the one before ended."""
     while (n := C.shape[1]) > 1:  # in pairs: later ones stand on the left
         C = np.concatenate([C[:, 1::2] @ C[:, : n - n % 2 : 2], C[:, n - n % 2 :]], axis=1)

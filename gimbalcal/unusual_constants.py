@@ -15,12 +15,12 @@ from itertools import islice
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.checks.input_errors import CLOCK_UNITS, Correction, in_other_units, scaled, trials
+from gimbalcal.checks.input_errors import CLOCK_UNITS, Correction, in_other_units, scale_correction, successful_trials
 from gimbalcal.checks.sidereal import measured_latitude
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.effects.sensor_grades import drift_rate_factor
-from gimbalcal.errors import alternatives
+from gimbalcal.errors import list_of_alternatives
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.estimate.gyroscopes.residual_checks import WRONG_RANGE
 from gimbalcal.forward import AXES
@@ -57,7 +57,7 @@ def with_question(
     beyond = beyond_grade(c, limit)
     if not beyond:
         return c
-    cause = likeliest(c, recordings, limit, again)
+    cause = likeliest_corrections(c, recordings, limit, again)
     if WRONG_RANGE in f"{c.outcome} {reported}":
         cause = cause or "the turns between rests show it too"
     question = in_words(c, beyond, limit, cause, f"{unit.grade.name} grade: {unit.source}")
@@ -79,8 +79,11 @@ def with_reversed_angle(c: Calibration, recordings: Sequence[Recording], again: 
 
     names = {"attitude_error": AXES["attitude_error"], ANGLE: recordings[0].platform.axis_names}
     angles = [(q, a) for q, axes in names.items() for a in axes if (q, a) in recordings[0].channels]
-    tried = trials(
-        (scaled(q, [a], -1.0, f"{q.replace('_', ' ')} {a} is of the opposite sign", a, names[q]) for q, a in angles),
+    tried = successful_trials(
+        (
+            scale_correction(q, [a], -1.0, f"{q.replace('_', ' ')} {a} is of the opposite sign", a, names[q])
+            for q, a in angles
+        ),
         misfit,
     )
     if not tried or not np.isfinite(tried[0].misfit):
@@ -118,16 +121,16 @@ def in_words(c: Calibration, beyond: Sequence[int], limit: Limit, cause: str, gr
     return f"{', '.join(stated)}{more} ({grade}): {end}"
 
 
-def likeliest(c: Calibration, recordings: Sequence[Recording], limit: Limit, again: Again) -> str:
+def likeliest_corrections(c: Calibration, recordings: Sequence[Recording], limit: Limit, again: Again) -> str:
     """Return in words the corrections with which every constant is usual; empty for none."""
 
     def misfit(correction: Correction) -> int:
         other = again([correction.corrected(r) for r in recordings])
         return len(beyond_grade(other, limit)) + (bool(other.outcome) and not c.outcome)
 
-    tried = trials(islice(corrections(c, recordings, limit), MAX_TRIALS), misfit, most=MAX_TRIALS)
+    tried = successful_trials(islice(corrections(c, recordings, limit), MAX_TRIALS), misfit, most=MAX_TRIALS)
     usual = [trial.candidate.words for trial in tried if not trial.misfit]
-    return f"every constant is usual if {alternatives(usual)}; correct recording.toml" if usual else ""
+    return f"every constant is usual if {list_of_alternatives(usual)}; correct recording.toml" if usual else ""
 
 
 def corrections(c: Calibration, recordings: Sequence[Recording], limit: Limit) -> Iterator[Correction]:
@@ -142,7 +145,7 @@ def corrections(c: Calibration, recordings: Sequence[Recording], limit: Limit) -
         wrong = [p.axis for p in (c.parameters[i] for i in beyond_grade(c, limit)) if p.effect == effect]
         if wrong and quantity == "angular_rate" and len(wrong) == len(sizes):
             for factor, unit in CLOCK_UNITS.items():
-                if _alike(sizes.values(), factor):
+                if are_alike(sizes.values(), factor):
                     yield Correction(f"the time is in {unit}", clock=factor)
         if wrong:
             yield from _of_sensors([sizes[a] for a in wrong], wrong, quantity, recordings[0])
@@ -153,13 +156,13 @@ def _of_sensors(sizes: Sequence[float], axes: Sequence[str], quantity: str, r: R
     several = len(axes) > 1
     which = f"the {SENSOR_OF[quantity]}{'s' if several else ''} {' and '.join(axes)} {'are' if several else 'is'}"
     if all(size < 0 for size in sizes):
-        yield scaled(quantity, axes, -1.0, f"{which} of the opposite sign")
+        yield scale_correction(quantity, axes, -1.0, f"{which} of the opposite sign")
     words = which + " in {unit}, not in {stated}"
     stated = r.units.get((quantity, axes[0]), QUANTITIES[quantity].si)
     for correction in in_other_units(quantity, axes, [stated], words):
-        if _alike(map(abs, sizes), correction.factor(quantity)):
+        if are_alike(map(abs, sizes), correction.factor(quantity)):
             yield correction
 
 
-def _alike(sizes: Iterable[float], factor: float) -> bool:
+def are_alike(sizes: Iterable[float], factor: float) -> bool:
     return all(abs(size / factor - 1) < ALIKE for size in sizes)

@@ -23,7 +23,7 @@ def test_a_file_whose_writing_fails_stays_as_it_was(tmp_path):
     atomic.write(tmp_path / "new" / "a.txt", "old\n")  # folders on the way are made
 
     def half():
-        with atomic.file(tmp_path / "new" / "a.txt") as path:
+        with atomic.atomic_file(tmp_path / "new" / "a.txt") as path:
             path.write_text("half")
             assert (tmp_path / "new" / "a.txt").read_text() == "old\n"
             raise PowerCut
@@ -49,7 +49,7 @@ def test_a_folder_whose_making_fails_is_not_seen(tmp_path, there):
         (out / "b").write_text("old")
 
     def half():
-        with atomic.folder(out) as made:
+        with atomic.atomic_folder(out) as made:
             (made / "b").write_text("new")
             raise PowerCut
 
@@ -60,13 +60,13 @@ def test_a_folder_whose_making_fails_is_not_seen(tmp_path, there):
 
 
 def test_a_folder_takes_its_files_in_order_and_keeps_strangers(tmp_path, monkeypatch):
-    monkeypatch.setattr(atomic, "_exchange", lambda one, other: False)  # a system that has no such step
+    monkeypatch.setattr(atomic, "exchange_folders", lambda one, other: False)  # a system that has no such step
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").write_text("kept")
     moved: list[str] = []
     replace = Path.replace
     monkeypatch.setattr(Path, "replace", lambda self, to: (moved.append(self.name), replace(self, to))[1])
-    with atomic.folder(tmp_path / "out", last="header") as made:
+    with atomic.atomic_folder(tmp_path / "out", last="header") as made:
         for name in ("header", "z", "a"):
             (made / name).write_text(name)
     assert moved == ["a", "z", "header"]
@@ -107,7 +107,7 @@ def test_nothing_is_replaced_where_one_file_cannot_be(tmp_path):
     (tmp_path / "out" / "a.json").write_text("old")
 
     def make():
-        with atomic.folder(tmp_path / "out") as new:
+        with atomic.atomic_folder(tmp_path / "out") as new:
             (new / "a.json").write_text("new")
             (new / "z.html").write_text("new")
 
@@ -121,7 +121,7 @@ WITHIN = ("a.json", "b/a.json", "b/c.html")  # of two sensors
 
 
 def replaced(out, age, of=NAMES):
-    with atomic.folder(out, last="a.json") as new:
+    with atomic.atomic_folder(out, last="a.json") as new:
         for name in of:
             atomic.write(new / name, age)
 
@@ -154,7 +154,7 @@ def cut_at(n, monkeypatch):
             m.setattr(os, name, dying(getattr(os, name)))
         for name in ("rename", "replace", "mkdir"):
             m.setattr(Path, name, dying(getattr(Path, name)))
-        m.setattr(atomic, "_exchange", dying(atomic._exchange))
+        m.setattr(atomic, "exchange_folders", dying(atomic.exchange_folders))
         m.setattr("shutil.rmtree", dying(atomic.shutil.rmtree))
         yield taken
 
@@ -228,7 +228,7 @@ def test_what_is_exchanged_and_what_not(tmp_path, monkeypatch, why):
     elif why == "where we stand":
         monkeypatch.chdir(out)
     elif why == "one file":
-        with atomic.folder(out) as new:
+        with atomic.atomic_folder(out) as new:
             (new / "a.json").write_text("one")
         assert (out / "a.json").read_text() == "one"
     elif why == "a link":
@@ -246,10 +246,10 @@ def test_what_is_exchanged_and_what_not(tmp_path, monkeypatch, why):
 @pytest.mark.parametrize("as_one", [True, False])
 def test_what_belongs_to_earlier_files_goes_with_them(tmp_path, monkeypatch, as_one):
     if not as_one:
-        monkeypatch.setattr(atomic, "_exchange", lambda one, other: False)
+        monkeypatch.setattr(atomic, "exchange_folders", lambda one, other: False)
     for name in (*NAMES, "law.py", "mine"):
         atomic.write(tmp_path / "out" / name, "old")
-    with atomic.folder(tmp_path / "out", belonging=("law.py", "c.html", "never")) as new:
+    with atomic.atomic_folder(tmp_path / "out", belonging=("law.py", "c.html", "never")) as new:
         for name in NAMES:
             (new / name).write_text("new")
     assert names(tmp_path / "out") == [*NAMES, "mine"]
@@ -295,14 +295,14 @@ def test_what_another_saves_meanwhile_stays(tmp_path, monkeypatch):
     out = tmp_path / "out"
     replaced(out, "old")
     (out / "mine").write_text("draft")
-    exchange = atomic._exchange
+    exchange = atomic.exchange_folders
 
     def slow(one, other):
         atomic.write(out / "mine", "saved")
         (out / "more").write_text("more")
         return exchange(one, other)
 
-    monkeypatch.setattr(atomic, "_exchange", slow)
+    monkeypatch.setattr(atomic, "exchange_folders", slow)
     replaced(out, "new")
     assert ages(out) == {"new"}
     assert (out / "mine").read_text() == "saved"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy
 
-from gimbalcal.effects import CATALOGUE, absent, parameters, with_values
+from gimbalcal.effects import CATALOGUE, parameters, with_values, zero_effect
 from gimbalcal.forward import jacobian, navigator_attitude_error, predict
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL
 from tests.golden import refused
@@ -89,7 +89,7 @@ def test_a_perfect_static_run_reads_the_ideal_angles_and_no_attitude_error():
 
 def test_the_accelerometers_of_a_fixed_platform_are_blind_to_base_tilt_and_encoders():
     s = static()
-    tilted = (absent(CATALOGUE["base_tilt"]), absent(CATALOGUE["gimbal_zero"], s.axis_names))
+    tilted = (zero_effect(CATALOGUE["base_tilt"]), zero_effect(CATALOGUE["gimbal_zero"], s.axis_names))
     wanted = unknowns(("base_tilt", "gimbal_zero"))
     J = jacobian(SPACE_STABLE_INERTIAL, s, tilted, wanted, "static-run")
     np.testing.assert_array_equal(J["specific_force"], 0)

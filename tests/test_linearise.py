@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from gimbalcal.effects import CATALOGUE, Stage, absent, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, Stage, parameters, values, with_values, zero_effect
 from gimbalcal.forward import jacobian, linearise, predict
 from gimbalcal.number import STEP
 from gimbalcal.platform import KNOWN
@@ -44,7 +44,7 @@ def stimulus_of(kind):
 
 def filled(name, kind, share=0.3):
     names = recording_of(kind).platform.axis_names
-    made = absent(CATALOGUE[name], names)
+    made = zero_effect(CATALOGUE[name], names)
     if any(f.name == "covariate" for f in fields(made)):
         made = replace(made, covariate="supply_voltage")
     wanted = parameters(CATALOGUE[name], names)

@@ -6,7 +6,7 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gimbalcal.platform import BENCH, KNOWN, SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform, known
+from gimbalcal.platform import BENCH, KNOWN, SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform, known_platform
 from gimbalcal.rotation import frame_rotation
 
 angle = st.floats(-4, 4)
@@ -60,9 +60,9 @@ def test_a_unit_without_gimbals_has_the_identity():
 
 
 def test_known_picks_the_inertial_readout_for_a_static_run():
-    assert known("space-stable", "static-run") is SPACE_STABLE_INERTIAL
-    assert known("space-stable") is KNOWN["space-stable"]
-    assert known("unheard of") is None
+    assert known_platform("space-stable", "static-run") is SPACE_STABLE_INERTIAL
+    assert known_platform("space-stable") is KNOWN["space-stable"]
+    assert known_platform("unheard of") is None
 
 
 def test_axis_refuses_a_direction_it_does_not_know():

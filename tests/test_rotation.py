@@ -83,7 +83,7 @@ def test_rotations_one_after_the_other_are_composed_with_the_last_on_the_left(n)
     one_by_one = np.broadcast_to(np.eye(3), (3, 3, 3))
     for k in range(n):
         one_by_one = C[:, k] @ one_by_one
-    np.testing.assert_allclose(rotation.composed(C), one_by_one, atol=1e-14)
+    np.testing.assert_allclose(rotation.composed_rotation(C), one_by_one, atol=1e-14)
 
 
 @pytest.mark.parametrize("handed", [1, -1])

@@ -118,7 +118,7 @@ checks(SOURCE, *(f"Eq. ({n})" for n in (9, 10, 11, 12, 19)), "Eq. (23), F29", wh
 @checks(SOURCE, "Eq. (7)", "Eq. (8)", where="inversion.invert")
 def inversion() -> float:
     """(6) solved: counts of the derived model with squares and products, inverted by the package's, over the force."""
-    from gimbalcal.inversion import invert
+    from gimbalcal.inversion import invert_response
 
     values = dict(zip((*K_a2, *K_cross), (3e-5, -2e-5, 1e-5, 2e-5, -1e-5, 3e-5, 1e-5, -3e-5, 2e-5), strict=True))
     values |= dict.fromkeys((*b_a, *r, *ALPHA), 0.0) | dict.fromkeys(K_a, 1.0)
@@ -127,7 +127,7 @@ def inversion() -> float:
     def read(force: Any) -> Any:
         return np.stack(model(*np.moveaxis(force, -1, 0)), axis=-1)
 
-    solved, _, _ = invert(read, read(FORCE))
+    solved, _, _ = invert_response(read, read(FORCE))
     return float(np.abs(solved - FORCE).max() / np.abs(FORCE).max())
 
 

@@ -88,10 +88,10 @@ def cube() -> float:
 @checks(SOURCE, "Eq. (5)", "Eq. (8)", where="estimate.pulses.gravity_norm.lower")
 def lower_triangle() -> float:
     """C through first order, which is what a diagonal in the scale terms leaves."""
-    from gimbalcal.estimate.pulses.gravity_norm import lower
+    from gimbalcal.estimate.pulses.gravity_norm import unit_lower_triangular
 
     first = models.orthogonalised().applyfunc(_through_first)
-    return float(np.abs(lower(np.array([GENERIC[s] for s in E])) - numbers(first, GENERIC)).max())
+    return float(np.abs(unit_lower_triangular(np.array([GENERIC[s] for s in E])) - numbers(first, GENERIC)).max())
 
 
 def _through_first(expr: Any) -> Any:
@@ -152,5 +152,7 @@ def euler_angles() -> float:
 
     at = np.array([0.3, -0.2, 0.5])
     return float(
-        np.abs(revolutions.euler(numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))) - at).max()
+        np.abs(
+            revolutions.euler_angles(numbers(frames.product(), dict(zip(frames.ANGLES, at, strict=True)))) - at
+        ).max()
     )

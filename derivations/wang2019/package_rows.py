@@ -104,7 +104,7 @@ def _turn_fit() -> tuple[Any, Any]:
 
     one, other = (np.stack(SUMS[s])[None, None] for s in "+-")
     counted = revolutions.Revolutions(one, other, counts()[None], DURATION, ANGLE, SIGMA, SIGMA_REST)
-    data = revolutions._dimensionless(counted, ROUGH[None], ANGLE / DURATION)
+    data = revolutions.in_units_of_angle(counted, ROUGH[None], ANGLE / DURATION)
     x = np.array([GENERIC[s] for s in FREE])
     r, J = revolutions._residuals((x / _units())[None], data, counted, True)
     return r[0], J[0] / _units()
@@ -219,7 +219,7 @@ def _reading(x: Any) -> Any:
     from gimbalcal.estimate.gyroscopes import revolutions
     from gimbalcal.forward import gyroscopes
 
-    effects = with_values((), revolutions.triangle(), revolutions.as_effects(x))
+    effects = with_values((), revolutions.triangular_parameters(), revolutions.as_effects(x))
     return gyroscopes(np.array([_rate()(*x)]), stimulus(np.zeros((1, 3)), (9.8, 0.6)), effects)[0]
 
 

@@ -160,7 +160,7 @@ def norm_observation() -> float:
     """Eqs. (16), (17): -f . df/dp of the package at the 18 positions against the printed row times d(dx)/dp."""
     import sympy as sp
 
-    from gimbalcal.effects import CATALOGUE, absent
+    from gimbalcal.effects import CATALOGUE, zero_effect
     from gimbalcal.forward import jacobian
     from gimbalcal.schedule import EIGHTEEN_POSITIONS
 
@@ -168,7 +168,7 @@ def norm_observation() -> float:
     force = -G_NORMAL * EIGHTEEN_POSITIONS.gravity_directions()
     s = stimulus(force, SITE, angles, platform.axis_names)
     ids = ("scale_factor", "bias", "scale_nonlinearity", "misalignment")
-    effects = tuple(absent(CATALOGUE[i]) for i in ids)
+    effects = tuple(zero_effect(CATALOGUE[i]) for i in ids)
     ours = -np.einsum("ni,nip->np", force, jacobian(platform, s, effects, wanted(ids))["specific_force"])
     row = sp.lambdify(fine_norm.u, fine_norm.ROW)
     slope = fine_norm.unknowns().subs(dict.fromkeys(fine_norm.SF_hat, 1)).jacobian(fine_norm.DEVIATIONS)

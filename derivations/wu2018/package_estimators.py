@@ -326,7 +326,7 @@ def separated() -> float:
     derived = _derived_matrix()[:, :12]
     true = _truth(wanted)
     value = derived @ true
-    found = combined.separate(combined.NAMES, value, 1e-24 * np.eye(15), LATITUDE, G_NORMAL, wanted)
+    found = combined.separate_parameters(combined.NAMES, value, 1e-24 * np.eye(15), LATITUDE, G_NORMAL, wanted)
     return float(np.abs(derived @ found.x - value).max() / np.abs(value).max())
 
 
@@ -356,7 +356,7 @@ def inner_zero() -> float:
     from gimbalcal.estimate.static_run import combined_coefficients as combined
 
     wanted = parameters(CATALOGUE["gimbal_zero"], ("inner",))
-    ours = combined.matrix(LATITUDE, G_NORMAL, wanted)[:, 0]
+    ours = combined.coefficient_matrix(LATITUDE, G_NORMAL, wanted)[:, 0]
     derived = np.zeros(15)
     derived[[combined.NAMES.index(n) for n in ("phi_0", "theta_0")]] = _by_inner_zero()
     return float(np.abs(ours - derived).max())

@@ -117,12 +117,12 @@ def _static_jacobian() -> dict[str, Any]:
 
     Order of the parameters: scale factors, biases [m/s^2], misalignments as in `symbols.RESIDUALS`.
     """
-    from gimbalcal.effects import CATALOGUE, absent
+    from gimbalcal.effects import CATALOGUE, zero_effect
     from gimbalcal.forward import jacobian
     from gimbalcal.platform import SPACE_STABLE_INERTIAL
 
     ids = ("scale_factor", "bias", "misalignment")
-    effects = tuple(absent(CATALOGUE[i]) for i in ids)
+    effects = tuple(zero_effect(CATALOGUE[i]) for i in ids)
     s = static_stimulus()
     J = jacobian(SPACE_STABLE_INERTIAL, s, effects, wanted(ids), "static-run")
     channels = {
@@ -233,7 +233,7 @@ def _separation_difference() -> Any:
     ids = ("scale_factor", "bias", "misalignment", "scale_nonlinearity")
     axes = ("platform", "middle", "outer")
     more = [*parameters(CATALOGUE["gimbal_zero"], axes)[:2], *parameters(CATALOGUE["base_tilt"])[:2]]
-    ours = combined.matrix(LATITUDE, G_NORMAL, (*wanted(ids), *more))
+    ours = combined.coefficient_matrix(LATITUDE, G_NORMAL, (*wanted(ids), *more))
     return (ours - _derived_matrix()) * np.concatenate([_scale(), [1 / G_NORMAL] * 3, np.ones(4)])
 
 

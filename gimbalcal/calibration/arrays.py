@@ -13,7 +13,7 @@ from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
-from gimbalcal.quantities import QUANTITIES, check
+from gimbalcal.quantities import QUANTITIES, refuse_unit
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.dates import Dates, names_iso
 from gimbalcal.recording.frames import Entry, by_axis, column_values, described_columns
@@ -54,7 +54,7 @@ def correct_arrays(
     if unknown:
         raise InputError(f"units names {min(unknown)!r}, but there is no such array")
     for quantity, unit in stated.items():
-        check(unit, quantity)
+        refuse_unit(unit, quantity)
     n = len(next(iter(readings.values()), ()))
     time = to_si(np.asarray(readings.get("time", np.arange(n)), dtype=float), stated.get("time", "s"))
     each = ((q, axis, x) for q, values in given.items() for axis, x in by_axis(q, values, str(n)))

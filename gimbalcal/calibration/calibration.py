@@ -31,7 +31,7 @@ from gimbalcal.calibration.readout import Readout, from_content
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.effect import stated_law
-from gimbalcal.entries import Json, entry_from, plain, read_json
+from gimbalcal.entries import Json, entry_from, plain_json, read_json
 from gimbalcal.errors import InputError
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
@@ -336,7 +336,7 @@ class Calibration(Displayed):
             "model": [stated_law(self.effect_class(i)) for i in dict.fromkeys(p.effect for p in self.parameters)],
             "matrices": {triad: m.to_dict() for triad, m in self.matrices.items()},
             "covariance": np.asarray(self.covariance).tolist(),
-            "unobservable": plain(self.unobservable),
+            "unobservable": plain_json(self.unobservable),
             "residual": residual,
             "stages": [s.to_dict() for s in self.stages],
             "readout": self.readout.to_dict(),

@@ -15,9 +15,9 @@ import numpy as np
 
 from gimbalcal.calibration.provenance import MountAxes
 from gimbalcal.effects import CATALOGUE, Parameter
-from gimbalcal.effects.loading import EffectFile, outside
+from gimbalcal.effects.loading import EffectFile, files_outside
 from gimbalcal.entries import Entry, Json
-from gimbalcal.errors import InputError, shortened
+from gimbalcal.errors import InputError, shortened_text
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, parse, to_si
@@ -107,7 +107,7 @@ def refuse_unsound(rows: Sequence[ParameterRow], known: Sequence[Parameter], cov
         for name, number in (("value", row.value), ("sigma", row.sigma)):
             if not is_finite_number(number):
                 raise InputError(
-                    f"parameter {i}, {p.label}: its {name} must be a finite number, got {shortened(repr(number))}"
+                    f"parameter {i}, {p.label}: its {name} must be a finite number, got {shortened_text(repr(number))}"
                 )
         if row.sigma < 0:
             raise InputError(f"parameter {i}, {p.label}: its sigma is negative, {row.sigma:g} {unit}")
@@ -116,11 +116,11 @@ def refuse_unsound(rows: Sequence[ParameterRow], known: Sequence[Parameter], cov
         prior = row.prior_sigma
         if prior is not None and not (is_finite_number(prior) and prior > 0):
             raise InputError(
-                f"parameter {i}, {p.label}: its prior_sigma must be above zero, got {shortened(repr(prior))}"
+                f"parameter {i}, {p.label}: its prior_sigma must be above zero, got {shortened_text(repr(prior))}"
             )
         if row.effect not in (None, p.effect):
             raise InputError(
-                f"parameter {i}, {p.label}, is of the effect {p.effect}, not of {shortened(repr(row.effect))}"
+                f"parameter {i}, {p.label}, is of the effect {p.effect}, not of {shortened_text(repr(row.effect))}"
             )
     _refuse_covariance(rows, known, covariance)
 
@@ -141,14 +141,14 @@ def refuse_misfit(residual: ResidualRow) -> None:
     for name, number in named.items():
         if not (is_finite_number(number) and 0 <= number < MAX_NUMBER):
             raise InputError(
-                f"residual / {name} must be a finite number of zero or more, got {shortened(repr(number))}"
+                f"residual / {name} must be a finite number of zero or more, got {shortened_text(repr(number))}"
             )
 
 
 def refuse_mount(mount: MountAxes) -> None:
     """Raise InputError where the axes or the latitude of a mount cannot be those of its kind."""
     if len(mount.axes) != len(MOUNT_AXES.get(mount.kind, mount.axes)):
-        axes = shortened(repr(list(mount.axes)))
+        axes = shortened_text(repr(list(mount.axes)))
         raise InputError(f"provenance / mount / axes cannot be {axes} on a mount {mount.kind!r}")
     latitude = mount.latitude_deg
     if latitude is not None and not abs(latitude) <= 90:
@@ -161,7 +161,7 @@ def refuse_other_definitions(ids: Sequence[str], files: Sequence[EffectFile]) ->
     files: those of a user's own effects, as a calibration.json states them.
     """
     stated = {i: file for file in files for i in file.effects}
-    loaded = {i: file for file in outside() for i in file.effects}
+    loaded = {i: file for file in files_outside() for i in file.effects}
     for i in ids:
         row, now = stated.get(i), loaded.get(i)
         if i not in CATALOGUE:

@@ -23,10 +23,10 @@ import numpy as np
 from gimbalcal.calibration.mount_correction import Mount, mount, with_readouts
 from gimbalcal.calibration.readout import Readout, in_counts, in_si, with_noise
 from gimbalcal.effects import Effect, Stimulus
-from gimbalcal.effects.effect import GIMBALS, TRIAD, happens_once, lacking
+from gimbalcal.effects.effect import GIMBALS, TRIAD, happens_once, lacking_quantity
 from gimbalcal.errors import InputError
 from gimbalcal.forward import accelerometers, gyroscopes
-from gimbalcal.inversion import invert, response
+from gimbalcal.inversion import invert_response, response_with_derivative
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.quantities import QUANTITIES
@@ -94,7 +94,7 @@ def physics_of_readings(h: Callable[[Array], Array], y: Array, quantity: str) ->
 
     Raises InputError for readings outside the range of the calibrated sensors.
     """
-    f, H, flat = invert(h, y)
+    f, H, flat = invert_response(h, y)
     with np.errstate(over="ignore", invalid="ignore"):
         misfit = np.abs(h(f) - y).max(axis=1)
     never = np.flatnonzero(~(misfit <= MAX_MISFIT * np.max(np.abs(y), initial=0.0)) & ~flat)
@@ -174,7 +174,7 @@ def corrupt(calibration: Calibration, recording: Recording) -> Recording:
 def readings_of(h: Callable[[Array], Array], f: Array, quantity: str) -> tuple[Array, Array]:
     """Return the readings of f (n, 3), and dh/df (n, 3, 3). Raises InputError where a law has no reading for it."""
     with np.errstate(over="ignore", invalid="ignore"):
-        y, H = response(h, f)
+        y, H = response_with_derivative(h, f)
     never = np.flatnonzero(~np.isfinite(y).all(axis=1))
     if len(never):
         raise InputError(
@@ -223,7 +223,7 @@ def effects_on_recording(calibration: Calibration, recording: Recording) -> tupl
 def _with_needs(effects: Sequence[Effect], recording: Recording) -> tuple[Effect, ...]:
     """Return the effects. Raises InputError, which names effect and channel, if the recording lacks a channel."""
     for e in effects:
-        missing = lacking(type(e), recording.has)
+        missing = lacking_quantity(type(e), recording.has)
         if missing:
             raise InputError(
                 f"the calibration corrects {e.id}, which needs the channel {missing}, and {recording.title!r} has "

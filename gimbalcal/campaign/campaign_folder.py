@@ -183,7 +183,7 @@ class CampaignFolder:
                 "went on; the same command computes them again"
             )
         rows = pl.concat([pl.read_parquet(kept[share].absolute(), glob=False) for share in self.shares()])
-        with atomic.folder(self.folder, last=SUMMARY) as new:
+        with atomic.atomic_folder(self.folder, last=SUMMARY) as new:
             rows.write_parquet(new / TABLE)
             summary = summarise(rows, _digest((new / TABLE).read_bytes()))
             atomic.write_json(new / SUMMARY, summary.to_dict())

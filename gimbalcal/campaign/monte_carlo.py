@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gimbalcal.campaign.campaign_folder import CampaignFolder, CampaignSummary, ParameterErrors
-from gimbalcal.campaign.task import Task, compute, task
-from gimbalcal.campaign.workers import RESUMABLE, TimeLeft, computed, connect, number_of_workers
-from gimbalcal.errors import InputError, amount
+from gimbalcal.campaign.task import Task, compute_runs, task
+from gimbalcal.campaign.workers import RESUMABLE, TimeLeft, compute_items, connect, number_of_workers
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.progress import Progress, no_progress
 
 if TYPE_CHECKING:
@@ -50,18 +50,18 @@ def run_campaign(
     with store.alone():
         if overwrite:
             store.give_way()
-        return _run(what, store, n, workers, client, progress, page)
+        return run_shares(what, store, n, workers, client, progress, page)
 
 
-def _run(
+def run_shares(
     what: Task, store: CampaignFolder, n: int, workers: int, client: Any, progress: Progress, page: Page | None
 ) -> CampaignSummary:
     todo = store.open()
     done = n - sum(len(share) for share in todo)
     if done:
-        progress(f"{done} of {amount(n, 'run')} were there already")
+        progress(f"{done} of {number_of(n, 'run')} were there already")
     time_left = TimeLeft(n, done)
-    for share, columns in computed(partial(compute, what), todo, lost_share, workers, client):
+    for share, columns in compute_items(partial(compute_runs, what), todo, lost_share, workers, client):
         store.keep(share, columns)
         progress(time_left.after(len(share), "run"))
     return store.finish(lambda rows, digest: summarise(rows, what, digest), page)
@@ -93,13 +93,14 @@ def summarise(rows: pl.DataFrame, what: Task, digest: str) -> CampaignSummary:
     # of equals the first by the alphabet, so that equal runs give equal files
     words = failed["outcome"].value_counts().sort(["count", "outcome"], descending=[True, False]).head(5)
     outcomes = dict(zip(words["outcome"].to_list(), words["count"].to_list(), strict=True))
-    text, n = _words(runs, len(failed), table), len(failed)
+    text, n = summary_in_words(runs, len(failed), table), len(failed)
     return CampaignSummary(1, what.identity, digest, what.direction, runs, n, outcomes, tuple(table), text)
 
 
-def _words(runs: int, failed: int, table: Sequence[ParameterErrors]) -> str:
+def summary_in_words(runs: int, failed: int, table: Sequence[ParameterErrors]) -> str:
     ratios = [row.ratio for row in table if isfinite(row.ratio)]
     if not ratios:
-        return f"{amount(runs, 'run')}, none with an estimate"
+        return f"{number_of(runs, 'run')}, none with an estimate"
     spread = f"RMS error is {min(ratios):.2f} to {max(ratios):.2f} of the predicted sigma"
-    return f"{amount(runs, 'run')}, {failed} with an outcome to read; {spread} over {amount(len(table), 'parameter')}"
+    parameters = number_of(len(table), "parameter")
+    return f"{number_of(runs, 'run')}, {failed} with an outcome to read; {spread} over {parameters}"

@@ -137,20 +137,20 @@ def _check_pulses(path: Path, content: Json) -> None:
 
 def _turntable(content: Json, where: str) -> float:
     """Return the one-sigma turntable error [rad]."""
-    from gimbalcal.quantities import check
+    from gimbalcal.quantities import refuse_unit
     from gimbalcal.units import to_si
 
     given = content.get("turntable")
     if not isinstance(given, dict) or set(given) != {"value", "unit"} or not isinstance(given["value"], int | float):
         raise InputError(f'{where}: give the turntable error as turntable = {{ value = 3.0, unit = "arcsec" }}')
-    check(str(given["unit"]), "angle")
+    refuse_unit(str(given["unit"]), "angle")
     size = float(to_si(float(given["value"]), str(given["unit"])))
     if not 0 <= size < 0.2:
         raise InputError(f"{where}: turntable must lie between 0 and 0.2 rad, got {size:g} rad")
     return size
 
 
-def compute(what: Task, runs: range) -> dict[str, list[Any]]:
+def compute_runs(what: Task, runs: range) -> dict[str, list[Any]]:
     """Return columns (see COLUMNS) of these runs; runs that fail carry a sentence in `outcome` and no estimate."""
     from threadpoolctl import threadpool_limits
 
@@ -206,8 +206,8 @@ def _simulated(what: Task, run: int) -> dict[str, list[Any]]:
     try:
         calibration = _calibrated(what.method, recording)
     except InputError as problem:
-        return _failed(run, str(problem))
-    truth = _comparable(effects, calibration.parameters, what.method)
+        return failed_run(run, str(problem))
+    truth = comparable_truth(effects, calibration.parameters, what.method)
     if recording.kind.stabilised:
         truth = _on_the_clock(
             truth, calibration.parameters, recording, check_content(content, what.name).schedule.start_angle
@@ -236,7 +236,7 @@ def _calibrated(method: str, recording: Recording) -> Calibration:
     return three_stage([recording])
 
 
-def _failed(run: int, why: str) -> dict[str, list[Any]]:
+def failed_run(run: int, why: str) -> dict[str, list[Any]]:
     nan = float("nan")
     row = (run, "", "SI", nan, nan, nan, nan, 0, why)
     return {name: [value] for name, value in zip(COLUMNS, row, strict=True)}
@@ -260,7 +260,7 @@ def _on_the_clock(truth: Array, wanted: Sequence[Parameter], recording: Recordin
     return out
 
 
-def _comparable(effects: Sequence[Effect], wanted: Sequence[Parameter], method: str) -> Array:
+def comparable_truth(effects: Sequence[Effect], wanted: Sequence[Parameter], method: str) -> Array:
     """Return the truth (p,) in the convention of the estimate: without angles the first axes fix the triad's rotation.
 
     The accelerometers' frame so turned is that of the gyroscopes too; to first order in the misalignments.

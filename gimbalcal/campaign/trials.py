@@ -15,7 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, G0
-from gimbalcal.estimate.pulses.gravity_norm import PulseFit, Pulses, accelerometer_pulses, along, lower
+from gimbalcal.estimate.pulses.gravity_norm import (
+    PulseFit,
+    Pulses,
+    accelerometer_pulses,
+    apply_to_vectors,
+    unit_lower_triangular,
+)
 from gimbalcal.estimate.pulses.whole_turns import Revolutions, gyroscope_pulses
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.rotation import exponential, normal_to
@@ -51,7 +57,7 @@ def generators(seed: int, runs: range) -> list[np.random.Generator]:
     return [np.random.default_rng([seed, run]) for run in runs]
 
 
-def _stack(rngs: list[np.random.Generator], shape: tuple[int, ...]) -> Array:
+def stacked_draws(rngs: list[np.random.Generator], shape: tuple[int, ...]) -> Array:
     return np.stack([rng.standard_normal(shape) for rng in rngs])
 
 
@@ -59,7 +65,7 @@ def _uniform(rngs: list[np.random.Generator], low: float, high: float) -> Array:
     return np.stack([rng.uniform(low, high, 3) for rng in rngs])
 
 
-def tipped(directions: Array, tips: Array) -> Array:
+def tipped_directions(directions: Array, tips: Array) -> Array:
     """Return unit vectors (..., 3) turned by the rotation vectors `tips` [rad]."""
     return apply_matrix(exponential(-tips), directions)
 
@@ -75,11 +81,11 @@ def accelerometers(seed: int, runs: range, tilt: float, order: int = 3) -> Trial
     """Return Table 2: fifteen positions tipped by `tilt` [rad, one sigma per axis], counted, averaged and fitted."""
     rngs = generators(seed, runs)
     truth = accelerometer_truth(rngs)
-    force = tipped(POSITIONS, tilt * _stack(rngs, POSITIONS.shape)) * G0
+    force = tipped_directions(POSITIONS, tilt * stacked_draws(rngs, POSITIONS.shape)) * G0
     sigma = ACCELEROMETER_NOISE / np.sqrt(REST * RATE)
-    noise = sigma * _stack(rngs, POSITIONS.shape)
+    noise = sigma * stacked_draws(rngs, POSITIONS.shape)
     # Eq. (2): what the counts stand for, plus the noise along the axes, is the true force
-    counts = truth.counts(force - along(lower(truth.E), noise))
+    counts = truth.counts(force - apply_to_vectors(unit_lower_triangular(truth.E), noise))
     return Trials(truth, accelerometer_pulses(counts, G0, sigma, order))
 
 
@@ -92,12 +98,12 @@ def gyroscope_truth(rngs: list[np.random.Generator]) -> Pulses:
 
 def gyroscope_revolutions(truth: Pulses, rngs: list[np.random.Generator], tilt: float) -> Revolutions:
     """Return counts of nine revolutions both ways and of fifteen dwells; turntable tipped by `tilt` [rad], Earth on."""
-    axes = tipped(REVOLUTION_AXES, tilt * _stack(rngs, REVOLUTION_AXES.shape))
+    axes = tipped_directions(REVOLUTION_AXES, tilt * stacked_draws(rngs, REVOLUTION_AXES.shape))
     duration = REVOLUTIONS * 2 * np.pi / SPEED
     one, other = (_revolution(truth, axes, sign, duration, rngs) for sign in (1.0, -1.0))
-    up = tipped(POSITIONS, tilt * _stack(rngs, POSITIONS.shape))
+    up = tipped_directions(POSITIONS, tilt * stacked_draws(rngs, POSITIONS.shape))
     sigma = GYROSCOPE_NOISE / np.sqrt(GYRO_REST * RATE)
-    noise = along(lower(truth.E), sigma * _stack(rngs, POSITIONS.shape))
+    noise = apply_to_vectors(unit_lower_triangular(truth.E), sigma * stacked_draws(rngs, POSITIONS.shape))
     rest = truth.counts(_earth_at_rest(up) - noise)
     return Revolutions(one, other, rest, duration, SPEED * duration, GYROSCOPE_NOISE * np.sqrt(duration / RATE), sigma)
 
@@ -117,8 +123,8 @@ def _revolution(truth: Pulses, axes: Array, sign: float, duration: float, rngs: 
     north = np.cos(phase)[:, None] * across[:, :, None] - np.sin(phase)[:, None] * third[:, :, None]
     earth = EARTH_RATE * (np.cos(LATITUDE) * north + np.sin(LATITUDE) * axes[:, :, None])
     rate = earth + sign * SPEED * axes[:, :, None]
-    noise = GYROSCOPE_NOISE / np.sqrt(duration * RATE / BLOCKS) * _stack(rngs, rate.shape[1:])
-    flat = (rate - noise @ np.swapaxes(lower(truth.E), -1, -2)[:, None]).reshape(len(axes), -1, 3)
+    noise = GYROSCOPE_NOISE / np.sqrt(duration * RATE / BLOCKS) * stacked_draws(rngs, rate.shape[1:])
+    flat = (rate - noise @ np.swapaxes(unit_lower_triangular(truth.E), -1, -2)[:, None]).reshape(len(axes), -1, 3)
     N = truth.counts(flat).reshape(rate.shape)
     return np.stack([N.sum(2), (N**2).sum(2)], axis=2) * duration / BLOCKS
 

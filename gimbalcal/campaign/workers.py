@@ -20,7 +20,7 @@ from threading import Thread
 from time import monotonic
 from typing import Any, TypeVar
 
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.memory_reuse import reuse_freed_memory
 
 Item = TypeVar("Item")
@@ -42,16 +42,16 @@ def number_of_workers(requested: int | None) -> int:
     return workers
 
 
-def computed(
+def compute_items(
     work: Callable[[Item], Result], items: Sequence[Item], lost: Callable[[Item, str], Result], workers: int,
     client: Any = None,
 ) -> Iterator[tuple[Item, Result]]:  # fmt: skip
     """Yield each item with its result, as they are finished, by a Dask client or by processes of this machine."""
     if client is not None:
-        return cluster(work, items, client, lost)
+        return compute_on_cluster(work, items, client, lost)
     if workers == 1 or len(items) < 2:
-        return here(work, items)
-    return processes(work, items, min(workers, len(items)), lost)
+        return compute_in_process(work, items)
+    return compute_in_processes(work, items, min(workers, len(items)), lost)
 
 
 class TimeLeft:
@@ -64,57 +64,59 @@ class TimeLeft:
         """Return in words how much is done, and the time left, after so many further items."""
         self.fresh += items
         seconds = (self.total - self.done - self.fresh) * (monotonic() - self.start) / self.fresh
-        return f"{self.done + self.fresh} of {amount(self.total, noun)}, {_spelled(seconds)} left"
+        return f"{self.done + self.fresh} of {number_of(self.total, noun)}, {duration_in_words(seconds)} left"
 
 
-def _spelled(seconds: float) -> str:
+def duration_in_words(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
-def here(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[Item, Result]]:
+def compute_in_process(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[Item, Result]]:
     """Yield results of the items, computed one after the other in this process."""
     for item in items:
         yield item, work(item)
 
 
-def processes(
+def compute_in_processes(
     work: Callable[[Item], Result], items: Sequence[Item], workers: int, lost: Callable[[Item, str], Result]
 ) -> Iterator[tuple[Item, Result]]:
     """Yield results of the items, in the order in which `workers` processes finish them."""
     pending = list(items)
     while pending:
         try:
-            for item, result in _pooled(work, pending, workers):
+            for item, result in compute_in_pool(work, pending, workers):
                 pending.remove(item)
                 yield item, result
         except BrokenProcessPool:
-            for item in pending[:workers]:  # only these can have been in work: `_pooled` keeps no more in the pool
-                yield item, _alone(work, item, lost)
+            for item in pending[:workers]:  # `compute_in_pool` keeps no more of them in the pool
+                yield item, compute_alone(work, item, lost)
             pending = pending[workers:]
 
 
-def _alone(work: Callable[[Item], Result], item: Item, lost: Callable[[Item, str], Result]) -> Result:
+def compute_alone(work: Callable[[Item], Result], item: Item, lost: Callable[[Item, str], Result]) -> Result:
     """Return the result of an item in a process of its own, which no other item can end."""
     for _ in range(DEATHS):
         try:
-            return next(_pooled(work, [item], 1))[1]
+            return next(compute_in_pool(work, [item], 1))[1]
         except BrokenProcessPool:
             continue
     return lost(item, f"{DEATHS} times")
 
 
-def _pooled(work: Callable[[Item], Result], items: Sequence[Item], workers: int) -> Iterator[tuple[Item, Result]]:
+def compute_in_pool(
+    work: Callable[[Item], Result], items: Sequence[Item], workers: int
+) -> Iterator[tuple[Item, Result]]:
     # a fork server starts clean processes: no copied locks of BLAS or Arrow threads; Ctrl-C is the parent's to answer
-    pool = ProcessPoolExecutor(workers, get_context("forkserver"), _begin)
+    pool = ProcessPoolExecutor(workers, get_context("forkserver"), begin_worker)
     try:
         yield from _run(pool, work, items, workers)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _begin() -> None:
+def begin_worker() -> None:
     """Leave Ctrl-C to the parent of a worker, and end the worker with it and with the server that forked it."""
     reuse_freed_memory()
     signal(SIGINT, SIG_IGN)
@@ -157,7 +159,7 @@ def connect(address: str, timeout: float = 10.0) -> Any:
         raise InputError(f"no Dask scheduler answers at {address} within {timeout:g} s ({problem})") from None
 
 
-def cluster(
+def compute_on_cluster(
     work: Callable[[Item], Result], items: Sequence[Item], client: Any, lost: Callable[[Item, str], Result]
 ) -> Iterator[tuple[Item, Result]]:
     """Yield results of the items, in the order in which the client's workers finish them.

@@ -126,7 +126,7 @@ class Check:
         return any(getattr(examined.kind, name) for name in self.kinds) and all(map(examined.has, self.requires))
 
 
-def examine(examined: Examined | StreamChecks, checks: Iterable[Check]) -> tuple[str, ...]:
+def make_checks(examined: Examined | StreamChecks, checks: Iterable[Check]) -> tuple[str, ...]:
     """Make the checks that apply, in order; return the remarks. `InputError` with one sentence at the first refusal."""
     remarks = []
     for check in checks:

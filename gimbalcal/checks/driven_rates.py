@@ -19,7 +19,14 @@ from math import pi
 import numpy as np
 
 from gimbalcal.checks.check import ROTATION, Check, Examined
-from gimbalcal.checks.input_errors import PERMUTATIONS, Correction, in_other_units, permuted, scaled, trials
+from gimbalcal.checks.input_errors import (
+    PERMUTATIONS,
+    Correction,
+    in_other_units,
+    permutation_correction,
+    scale_correction,
+    successful_trials,
+)
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
@@ -103,15 +110,15 @@ def rates_of_the_table(e: Examined) -> str:
 
     Readings in counts show their axes only.
     """
-    r, turn, scale = e.recording, e.once(_driven), None if e.recording.counted(RATE) else 1.0
-    if not _shows(turn) or turn.misfit(r.platform, scale) < MAX_RESIDUAL:
+    r, turn, scale = e.recording, e.once(turn_by_rig), None if e.recording.counted(RATE) else 1.0
+    if not shows_rates(turn) or turn.misfit(r.platform, scale) < MAX_RESIDUAL:
         return ""
 
     def misfit(c: Correction) -> float:
-        corrected = _driven(c.corrected(r)) if ANGLE in c.matrices else turn.corrected(c)
+        corrected = turn_by_rig(c.corrected(r)) if ANGLE in c.matrices else turn.corrected(c)
         return corrected.misfit(c.platform or r.platform, scale)
 
-    for best in trials(_corrections(r, physical=scale is not None), misfit, sufficient=MAX_RESIDUAL):
+    for best in successful_trials(_corrections(r, physical=scale is not None), misfit, sufficient=MAX_RESIDUAL):
         if best.misfit <= MAX_RESIDUAL:
             return f"the gyroscopes feel the rig turn {best.candidate.words}: {best.candidate.remedy}"
     fastest = float(np.linalg.norm(turn.read, axis=1).max())
@@ -141,15 +148,15 @@ def refuse_unlike_table(recording: Recording) -> None:
 
 def agrees_with_the_table(recording: Recording) -> bool:
     """Return whether the gyroscopes feel the rig turn as stated: their axes, signs and unit are confirmed."""
-    turn = _driven(recording)
-    return _shows(turn) and not recording.counted(RATE) and turn.misfit(recording.platform) < MAX_RESIDUAL
+    turn = turn_by_rig(recording)
+    return shows_rates(turn) and not recording.counted(RATE) and turn.misfit(recording.platform) < MAX_RESIDUAL
 
 
-def _driven(r: Recording) -> DrivenTurn:
+def turn_by_rig(r: Recording) -> DrivenTurn:
     return driven_turn(r.time, r.triad(RATE), r.angles(), r.platform.axis_names)
 
 
-def _shows(turn: DrivenTurn) -> bool:
+def shows_rates(turn: DrivenTurn) -> bool:
     return float(np.std(turn.rate, axis=0).max(initial=0.0)) >= MIN_RATE_CHANGE
 
 
@@ -165,7 +172,7 @@ def _corrections(r: Recording, physical: bool) -> Iterator[Correction]:
         if turned and set(turned) <= set(logged):  # the readout counts backwards, whatever its zero
             column = f"at the column of {' and '.join(turned)} in [columns]"
             remedy = f"write sign = -1 {column}, or take it out where it is there"
-            yield scaled(ANGLE, turned, -1.0, "the other way than its angles say", remedy, names)
+            yield scale_correction(ANGLE, turned, -1.0, "the other way than its angles say", remedy, names)
     for direction, sign in product("xyz", (1, -1)) if len(names) == 1 else ():
         (axis,) = r.platform.axes
         turn = "" if sign == axis.sign or not physical else ", sign = -1"
@@ -175,7 +182,7 @@ def _corrections(r: Recording, physical: bool) -> Iterator[Correction]:
             platform=Platform("own", (replace(axis, direction=direction, sign=sign),)),
         )
     for p in PERMUTATIONS[1:]:
-        yield replace(permuted(RATE, p), words=f"if {p.in_words(RATE)}")
+        yield replace(permutation_correction(RATE, p), words=f"if {p.in_words(RATE)}")
     stated = [r.units.get((RATE, a), QUANTITIES[RATE].si) for a in TRIAD]
     words = "if they read {unit}, not {stated}"
     yield from in_other_units(RATE, TRIAD, stated, words, 'write unit = "{unit}" for them')

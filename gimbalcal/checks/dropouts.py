@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.checks.spikes import MAX_STEP_FAST_S, predicted_by_neighbours, reliably_predicted, spikes
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import SPARSE, Column
 from gimbalcal.recording.header import Header
@@ -70,7 +70,7 @@ class Dropouts:
     @property
     def missing(self) -> NDArray[np.int64]:
         """Return rows of the file that are left out."""
-        return _joined(self.left_out)
+        return joined_arrays(self.left_out)
 
     @property
     def kept(self) -> NDArray[np.int64]:
@@ -80,13 +80,13 @@ class Dropouts:
     def remarks(self) -> tuple[str, ...]:
         """Return how many rows are left out or filled in, where they are and why; nothing where none are."""
         spiked, spike = (
-            _joined(self.left_out_spikes),
-            f"where {_listed(self.spikes)} leaps away for a row or two and back",
+            joined_arrays(self.left_out_spikes),
+            f"where {columns_with_counts(self.spikes)} leaps away for a row or two and back",
         )
         groups = (
-            (np.setdiff1d(self.missing, spiked), f"left out, empty in {_listed(self.empty_values)}"),
+            (np.setdiff1d(self.missing, spiked), f"left out, empty in {columns_with_counts(self.empty_values)}"),
             (spiked, f"left out, {spike}"),
-            (_joined(self.filled_in), f"taken from neighbours, {spike}"),
+            (joined_arrays(self.filled_in), f"taken from neighbours, {spike}"),
         )
         return tuple(self._remark(rows, why) for rows, why in groups if len(rows))
 
@@ -96,9 +96,9 @@ class Dropouts:
         runs = [(int(rows[a]), int(rows[b - 1]) + 1) for a, b in pairwise(edges)]
         first, *others = [self._place(*run) for run in runs[:MAX_PLACES]]
         where = ", ".join([first, *(text.removeprefix(f"{self.header.samples}, ") for text in others)])
-        more = f" and {amount(len(runs) - MAX_PLACES, 'more place')}" if len(runs) > MAX_PLACES else ""
+        more = f" and {number_of(len(runs) - MAX_PLACES, 'more place')}" if len(runs) > MAX_PLACES else ""
         is_are = "is" if len(rows) == 1 else "are"
-        return f"{where}{more}: {amount(len(rows), 'row')} of {self.rows} {is_are} {why}"
+        return f"{where}{more}: {number_of(len(rows), 'row')} of {self.rows} {is_are} {why}"
 
     def _too_many(self, missing: int) -> InputError:
         name, most = max(self.empty_values.items(), key=lambda item: item[1])
@@ -213,11 +213,11 @@ class Dropouts:
         return row + int(np.searchsorted(missing - np.arange(len(missing)), row, side="right"))
 
 
-def _joined(parts: list[Array]) -> NDArray[np.int64]:
+def joined_arrays(parts: list[Array]) -> NDArray[np.int64]:
     return np.concatenate(parts).astype(np.int64) if parts else np.zeros(0, dtype=np.int64)
 
 
-def _listed(counts: Mapping[str, int]) -> str:
+def columns_with_counts(counts: Mapping[str, int]) -> str:
     """Return the columns that have any, with their counts where there are several."""
     some = {name: n for name, n in counts.items() if n}
     words = [f"{name} ({n})" if len(some) > 1 else name for name, n in list(some.items())[:MAX_COLUMNS]]

@@ -25,10 +25,10 @@ from gimbalcal.checks.input_errors import (
     PERMUTATIONS,
     UNITS,
     Correction,
-    exchanged,
-    permuted,
-    scaled,
-    trials,
+    exchange_correction,
+    permutation_correction,
+    scale_correction,
+    successful_trials,
 )
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.number import Array, apply_matrix
@@ -80,11 +80,11 @@ def unit_of_some(e: Examined) -> str:
         return ""
     few = [(a,) for a in TRIAD] + [*combinations(TRIAD, 2)]
     corrections = [
-        scaled(FORCE, axes, size / FORCE_UNITS.get(_unit(rests, axes[0]), 1.0), " and ".join(axes), unit)
+        scale_correction(FORCE, axes, size / FORCE_UNITS.get(_unit(rests, axes[0]), 1.0), " and ".join(axes), unit)
         for axes in few
         for unit, size in FORCE_UNITS.items()
     ]
-    (best,) = trials(corrections, misfit)
+    (best,) = successful_trials(corrections, misfit)
     if best.misfit >= NORM_ERROR_EXPLAINED * min(stated, MAX_NORM_ERROR):
         return ""
     unit = best.candidate.remedy
@@ -97,12 +97,12 @@ def unit_of_some(e: Examined) -> str:
 
 def unit_of_all(e: Examined) -> str:
     """Refuse a force whose norm at rest is not gravity within the errors of sensors."""
-    return _magnitude(e.rests, e.force, 0.0)
+    return compare_magnitude(e.rests, e.force, 0.0)
 
 
 def unit_of_every_row(e: Examined) -> str:
     """Refuse the force of a unit turned in its place whose norm is not gravity, in most rows."""
-    return _magnitude(e.recording, e.some_force, e.step)
+    return compare_magnitude(e.recording, e.some_force, e.step)
 
 
 def other_range(ratio: float) -> float:
@@ -112,7 +112,7 @@ def other_range(ratio: float) -> float:
     return power if within and power != 1 else 0.0
 
 
-def _magnitude(recording: Recording, force: Array, step: float) -> str:
+def compare_magnitude(recording: Recording, force: Array, step: float) -> str:
     """Compare the norm of forces (n, 3) with gravity; step [s] is that of rows that may be increments over it."""
     ratio = float(np.median(np.linalg.norm(force, axis=1))) / recording.site.gravity
     if 0.5 <= ratio <= 1.5:
@@ -192,7 +192,7 @@ def axes_by_angles(e: Examined) -> str:
     if n < FEWEST_RESTS or stated >= MIN_AGREEMENT * n:
         return ""
     rows = "positions" if rests.kind.in_positions else "rows"
-    best = [trial for some in _corrections(rests) for trial in trials(some, misfit)]
+    best = [trial for some in _corrections(rests) for trial in successful_trials(some, misfit)]
     agreeing = n - int(min(trial.misfit for trial in best))
     if agreeing >= max(MIN_AGREEMENT * n, stated + MIN_GAIN):  # a triad and the gimbals may explain it alike
         equal = [trial.candidate for trial in best if n - trial.misfit == agreeing]
@@ -214,17 +214,18 @@ def _corrections(rests: Recording) -> tuple[list[Correction], list[Correction]]:
     """Return other statements of the accelerometers, and of the gimbals that were logged, the simplest first."""
     names = rests.platform.axis_names
     logged = [i for i, name in enumerate(names) if (ANGLE, name) in rests.channels]
-    return [permuted(FORCE, p) for p in PERMUTATIONS], [
+    return [permutation_correction(FORCE, p) for p in PERMUTATIONS], [
         *(
-            scaled(
+            scale_correction(
                 ANGLE, (names[i],), -1.0, f"the {names[i]} angle has the opposite sign",
                 f"for gimbal {names[i]} write sign = -1", names,
             )
             for i in logged
         ),
-        *(scaled(ANGLE, (names[i],), 180 / np.pi, f"the {names[i]} angle is in radians", "", names) for i in logged),
+        *(scale_correction(ANGLE, (names[i],), 180 / np.pi, f"the {names[i]} angle is in radians", "",
+        names) for i in logged),
         *(
-            exchanged(ANGLE, names, i, j, f"the {names[i]} and {names[j]} angles are interchanged")
+            exchange_correction(ANGLE, names, i, j, f"the {names[i]} and {names[j]} angles are interchanged")
             for i, j in combinations(logged, 2)
         ),
     ]  # fmt: skip

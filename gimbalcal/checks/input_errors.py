@@ -176,7 +176,7 @@ class Trial(Generic[Candidate]):
     candidate: Candidate
 
 
-def trials(
+def successful_trials(
     candidates: Iterable[Candidate],
     misfit: Callable[[Candidate], float],
     sufficient: float = 0.0,
@@ -207,7 +207,7 @@ def trials(
 # --- what may be stated wrongly ---------------------------------------------------------------------------------------
 
 
-def permuted(quantity: str, permutation: AxisPermutation) -> Correction:
+def permutation_correction(quantity: str, permutation: AxisPermutation) -> Correction:
     """Return the correction of a triad whose axes, or signs, are others."""
     handed = "; as stated they make a left-handed triad" if permutation.handed < 0 else ""
     return Correction(
@@ -215,7 +215,7 @@ def permuted(quantity: str, permutation: AxisPermutation) -> Correction:
     )
 
 
-def scaled(
+def scale_correction(
     quantity: str, axes: Iterable[str], factor: float, words: str, remedy: str = "", of: tuple[str, ...] = TRIAD
 ) -> Correction:
     """Return the correction of columns that are to be multiplied by a factor, some of the axes `of` a quantity."""
@@ -223,7 +223,7 @@ def scaled(
     return Correction(words, remedy, {quantity: (of, np.diag([factor if a in few else 1.0 for a in of]))})
 
 
-def exchanged(quantity: str, of: tuple[str, ...], i: int, j: int, words: str) -> Correction:
+def exchange_correction(quantity: str, of: tuple[str, ...], i: int, j: int, words: str) -> Correction:
     """Return the correction of two columns of a quantity that stand for each other."""
     order = list(range(len(of)))
     order[i], order[j] = j, i
@@ -244,4 +244,4 @@ def in_other_units(
         if unit != one:
             factor = float(to_si(1.0, unit) / to_si(1.0, one))
             in_words, to_write = (text.format(unit=unit, stated=one) for text in (words, remedy))
-            yield scaled(quantity, axes, factor, in_words, to_write, of)
+            yield scale_correction(quantity, axes, factor, in_words, to_write, of)

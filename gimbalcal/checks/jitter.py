@@ -59,12 +59,12 @@ def jitter_of(time: Array, row: Array, channels: Sequence[Array]) -> Jitter | No
         for x in channels
     ]
     ratio = float(np.sqrt(np.mean([a / b for a, b in rough if b > 0]))) if any(b > 0 for _, b in rough) else 1.0
-    clock = regular(time, row)
+    clock = regular_clock(time, row)
     rate = 1 / float(np.mean(np.diff(time)[usual] / np.diff(row)[usual]))
     return Jitter(scatter, ratio, rate, clock)
 
 
-def regular(time: Array, row: Array, stated: bool = False) -> Array | None:
+def regular_clock(time: Array, row: Array, stated: bool = False) -> Array | None:
     """Return the regular clock (n,) [s] through the stamps, a line from pause to pause; None where it misses them.
 
     `stated`: the clock is known to be regular, however coarse the stamps are; None then if it runs backwards.
@@ -80,7 +80,7 @@ def regular(time: Array, row: Array, stated: bool = False) -> Array | None:
     for start, stop in pairwise(edges):
         if stop - start >= (3 if stated else MIN_ROWS):
             k, t = row[start:stop] - row[start], time[start:stop] - time[start]
-            k = k if stated else k + _lost(t, k)
+            k = k if stated else k + lost_rows(t, k)
             out[start:stop] = time[start] + np.polyval(np.polyfit(k, t, 1), k)
             deviations.append(np.abs(out[start:stop] - time[start:stop]) / step)
     irregular = not stated and bool(deviations) and np.quantile(np.concatenate(deviations), 0.99) > MAX_DEVIATION_STEPS
@@ -89,7 +89,7 @@ def regular(time: Array, row: Array, stated: bool = False) -> Array | None:
     return out
 
 
-def _lost(t: Array, k: Array) -> Array:
+def lost_rows(t: Array, k: Array) -> Array:
     """Return the rows (n,) that were lost before each: where stamps are late by whole steps, and stay late."""
     far = min(2 * ROWS_ASIDE, len(t) - 1)
     step = float(np.median((t[far:] - t[:-far]) / (k[far:] - k[:-far])))

@@ -20,7 +20,7 @@ from gimbalcal.effects.effect import TRIAD
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import dwells, moves_between_dwells
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
-from gimbalcal.rotation import composed, cross_matrix, exponential
+from gimbalcal.rotation import composed_rotation, cross_matrix, exponential
 
 MIN_MOTION_RAD = 0.5  # a turn that moves the reference less deviates by less than `MAX_DEVIATION_RAD` under any sign
 MIN_TURNS, MAX_TURNS = 3, 40  # those that move the reference most: enough to distinguish 48 permutations
@@ -70,18 +70,18 @@ class MeasuredTurns:
 
     def agreeing(self, correction: Correction) -> int:
         """Return the number of turns that end where the reference does, by corrected rates."""
-        return int(agree(self, self.turned(correction)))
+        return int(turns_that_agree(self, self.turned(correction)))
 
     def agreeing_permuted(self, factor: float) -> Array:
         """Return the number of turns (48,) that end where the reference does, by rates times a factor, permuted."""
         if factor not in self._of_permutations:
             P, C = MATRICES[:, None], np.array([self._of(factor), self._of(-factor)])[LEFT_HANDED]
-            self._of_permutations[factor] = agree(self, P @ C @ P.swapaxes(-1, -2))
+            self._of_permutations[factor] = turns_that_agree(self, P @ C @ P.swapaxes(-1, -2))
         return self._of_permutations[factor]
 
     def agreeing_by_factor(self, factors: Array) -> Array:
         """Return the number of turns (k,) that end where the reference does, with all rates times each of `factors`."""
-        return np.array([int(agree(self, self._of(factor))) for factor in factors.tolist()])
+        return np.array([int(turns_that_agree(self, self._of(factor))) for factor in factors.tolist()])
 
     def fitting_factor(self, factors: Array) -> tuple[float, int] | None:
         """Return the least of some factors (k,) of all rates at which nearly all turns end where the reference does.
@@ -100,7 +100,7 @@ class MeasuredTurns:
         M = correction.clock * (correction.matrices[RATE][1] if RATE in correction.matrices else np.eye(3))
         sizes = np.abs(M).max(axis=1)
         if np.ptp(sizes) > 0:  # some axes in another unit: M is diagonal
-            return composed(exponential(np.diag(M) * self.vectors))
+            return composed_rotation(exponential(np.diag(M) * self.vectors))
         P = M / sizes[0]
         return np.asarray(P @ self._of(float(sizes[0] * np.round(np.linalg.det(P)))) @ P.T)
 
@@ -109,7 +109,7 @@ class MeasuredTurns:
         if factor not in self._of_factor:
             angle, X, XX = self._about_axes
             turned = factor * angle
-            self._of_factor[factor] = composed(np.eye(3) - np.sin(turned) * X + (1 - np.cos(turned)) * XX)
+            self._of_factor[factor] = composed_rotation(np.eye(3) - np.sin(turned) * X + (1 - np.cos(turned)) * XX)
         return self._of_factor[factor]
 
     @cached_property
@@ -135,7 +135,7 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
         for k, m in enumerate(moves_between_dwells(recording))
         if m.rows.stop - m.rows.start > 2 and not m.paused and not clipped[m.rows].any()
     ]
-    for reference in (down, _attitude):
+    for reference in (down_at_rests, _attitude):
         at_rest = reference(recording)
         if at_rest is None:
             continue
@@ -146,14 +146,15 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
         level = np.array([y[d.rows].mean(0) for d in visits])
         spans = [slice(visits[k].stop - 1, visits[k + 1].start + 1) for k in order]
         averaged = [
-            _means(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2) for k, s in zip(order, spans, strict=True)
+            mean_rates(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2)
+            for k, s in zip(order, spans, strict=True)
         ]
         after = [k + 1 for k in order]
         return MeasuredTurns([r for r, _ in averaged], [t for _, t in averaged], at_rest[order], at_rest[after])
     return None
 
 
-def down(recording: Recording) -> Array | None:
+def down_at_rests(recording: Recording) -> Array | None:
     """Return the direction of the force at each rest (m, 3, 1); counts are centred, where every axis went both ways."""
     if set(recording.axes(FORCE)) != set(TRIAD):
         return None
@@ -176,7 +177,7 @@ def _attitude(recording: Recording) -> Array | None:
     return np.asarray(recording.platform.attitude(np.array([angles[d.start] for d in dwells(recording)])))
 
 
-def _means(time: Array, y: Array) -> tuple[Array, Array]:
+def mean_rates(time: Array, y: Array) -> tuple[Array, Array]:
     """Return mean rate (n, 3) and step (n,) from row to row, or over several rows of a very long turn."""
     dt, mean = np.diff(time), (y[1:] + y[:-1]) / 2
     size = -(-len(dt) // MAX_STEPS)
@@ -187,6 +188,6 @@ def _means(time: Array, y: Array) -> tuple[Array, Array]:
     return mean, dt
 
 
-def agree(turns: MeasuredTurns, C: Array) -> Array:
+def turns_that_agree(turns: MeasuredTurns, C: Array) -> Array:
     """Return the number (...) of turns C (..., m, 3, 3) that end where the reference does."""
     return np.count_nonzero(turns.deviation(C) < MAX_DEVIATION_RAD, axis=-1)

@@ -32,10 +32,10 @@ from gimbalcal.checks.input_errors import (
     AxisPermutation,
     Correction,
     in_other_units,
-    scaled,
-    trials,
+    scale_correction,
+    successful_trials,
 )
-from gimbalcal.checks.measured_turns import MeasuredTurns, down, turns_of
+from gimbalcal.checks.measured_turns import MeasuredTurns, down_at_rests, turns_of
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.number import Array
@@ -58,7 +58,11 @@ STATIC_NOT_CHECKED = "the gyroscopes of a static run are not looked at"
 
 def turns_explained(recording: Recording, turns: MeasuredTurns | None) -> tuple[int, int] | None:
     """Return the number of turns that the gyroscopes explain as stated, and of all; None where nothing shows it."""
-    return None if turns is None else (max(map(turns.agreeing, _scales(recording, turns))), len(turns.reading))
+    return (
+        None
+        if turns is None
+        else (max(map(turns.agreeing, stated_or_guessed_scales(recording, turns))), len(turns.reading))
+    )
 
 
 def turns_between_rests(e: Examined) -> str:
@@ -66,7 +70,7 @@ def turns_between_rests(e: Examined) -> str:
     turns = e.once(turns_of)
     if turns is None:
         return ""
-    n, scales = len(turns.reading), _scales(e.recording, turns)
+    n, scales = len(turns.reading), stated_or_guessed_scales(e.recording, turns)
     stated = max(map(turns.agreeing, scales))
     if stated >= MIN_AGREEMENT * n:
         return ""
@@ -81,10 +85,10 @@ def turns_between_rests(e: Examined) -> str:
 
     def misfit(each: tuple[Correction, int]) -> float:
         unit, k = each
-        return n - (float(turns.agreeing_permuted(_size(unit))[k]) if k else turns.agreeing(unit))
+        return n - (float(turns.agreeing_permuted(correction_size(unit))[k]) if k else turns.agreeing(unit))
 
     for k, stage in enumerate(stages):  # one error before two
-        for best in trials(stage(), misfit):
+        for best in successful_trials(stage(), misfit):
             agreeing = n - int(best.misfit)
             if agreeing >= MIN_AGREEMENT * n:
                 return "" if agreeing < stated + MIN_GAIN else (
@@ -127,7 +131,7 @@ class EarthRate:
     @cached_property
     def without(self) -> float:
         """Return the rms [rad/s] that rates of zero leave."""
-        return self.residual(scaled(RATE, TRIAD, 0.0, ""))
+        return self.residual(scale_correction(RATE, TRIAD, 0.0, ""))
 
     def agrees(self, correction: Correction) -> bool:
         """Return whether corrected rates show the Earth's."""
@@ -136,7 +140,7 @@ class EarthRate:
 
 def earth_rate(recording: Recording) -> EarthRate | None:
     """Return the rates at enough rests that differ enough, where gyroscopes in SI may see the Earth; else None."""
-    up, visits, latitude = down(recording), dwells(recording), recording.site.latitude
+    up, visits, latitude = down_at_rests(recording), dwells(recording), recording.site.latitude
     if latitude is None or up is None or len(visits) < MIN_RESTS or recording.counted(RATE):
         return None
     if np.linalg.matrix_rank(up[..., 0], tol=0.1 * np.sqrt(len(visits))) < 3:
@@ -155,9 +159,9 @@ def earth_at_rest(e: Examined) -> str:
     by_turns = e.once(turns_of) is not None  # turns confirm the gyroscopes with the accelerometers, but for all signs
     units = [AS_STATED, *(c for c in _units(r) if c.clock == 1 and not by_turns)]
     composed = [(u, p) for u in units for p in PERMUTATIONS if not by_turns or p == REVERSED]
-    (best,) = trials(composed, lambda each: earth.residual(_composed(*each)))
+    (best,) = successful_trials(composed, lambda each: earth.residual(composed_correction(*each)))
     unit, p = best.candidate
-    correction = _composed(unit, p)
+    correction = composed_correction(unit, p)
     if not earth.agrees(correction):
         return ""
     named = [] if by_turns else [(p, RATE)]
@@ -191,28 +195,28 @@ def _units(recording: Recording) -> list[Correction]:
     increments = f'they are what each step of {step:.3g} s adds to the angle (write quantity = "angle_increment")'
     stated = recording.units.get((RATE, "x"), QUANTITIES[RATE].si)
     corrections = [
-        scaled(RATE, TRIAD, 1 / step, increments),
+        scale_correction(RATE, TRIAD, 1 / step, increments),
         *in_other_units(RATE, TRIAD, [stated], 'the rates are in {unit} (write unit = "{unit}")'),
         *(Correction(f"the time is in {u}", clock=f) for f, u in CLOCK_UNITS.items()),
     ]
-    return [c for c in corrections if abs(_size(c) - 1) > 1e-6]
+    return [c for c in corrections if abs(correction_size(c) - 1) > 1e-6]
 
 
-def _size(correction: Correction) -> float:
+def correction_size(correction: Correction) -> float:
     return correction.clock * correction.factor(RATE)
 
 
-def _scales(recording: Recording, turns: MeasuredTurns) -> list[Correction]:
+def stated_or_guessed_scales(recording: Recording, turns: MeasuredTurns) -> list[Correction]:
     """Return the rates as stated; of counts, guesses of the rad/s of a count."""
     if not recording.counted(RATE):
         return [AS_STATED]
     turned = [(np.linalg.norm(w, axis=1) * dt).sum() for w, dt in zip(turns.reading, turns.step, strict=True)]
-    return [scaled(RATE, TRIAD, float(g), "") for g in MEDIAN_TURNS_RAD / np.median(turned)]
+    return [scale_correction(RATE, TRIAD, float(g), "") for g in MEDIAN_TURNS_RAD / np.median(turned)]
 
 
-def _composed(unit: Correction, permutation: AxisPermutation) -> Correction:
+def composed_correction(unit: Correction, permutation: AxisPermutation) -> Correction:
     """Return a permutation of the gyroscopes in another unit."""
-    return replace(unit, matrices={RATE: (TRIAD, _size(unit) / unit.clock * permutation.matrix)})
+    return replace(unit, matrices={RATE: (TRIAD, correction_size(unit) / unit.clock * permutation.matrix)})
 
 
 def _permuted_in_words(unit: Correction, number: int, ambiguous: bool) -> str:
@@ -227,7 +231,7 @@ def _permuted_in_words(unit: Correction, number: int, ambiguous: bool) -> str:
 
 def _in_some(unit: Correction, axes: Sequence[str]) -> Correction:
     """Return another unit of some of the gyroscopes."""
-    return scaled(RATE, axes, _size(unit), f"{unit.words} in {' and '.join(axes)} alone")
+    return scale_correction(RATE, axes, correction_size(unit), f"{unit.words} in {' and '.join(axes)} alone")
 
 
 def _in_words(named: Sequence[tuple[AxisPermutation, str]], unit: str, handed: str = "") -> str:

@@ -16,7 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.checks.check import SIGHTINGS, Check, Examined
-from gimbalcal.checks.input_errors import AS_STATED, Correction, exchanged, scaled, trials
+from gimbalcal.checks.input_errors import (
+    AS_STATED,
+    Correction,
+    exchange_correction,
+    scale_correction,
+    successful_trials,
+)
 from gimbalcal.number import Array
 from gimbalcal.recording.record import ANGLE, Recording
 
@@ -46,7 +52,7 @@ class Sky:
         off = star - read
         zero = np.angle(np.median(np.cos(off), axis=0) + 1j * np.median(np.sin(off), axis=0))
         looked, there = (self._direction(angle) for angle in (read + zero, star))
-        return _between(looked, there), _between(there, np.roll(there, 1, axis=0))
+        return angle_between(looked, there), angle_between(there, np.roll(there, 1, axis=0))
 
     def _direction(self, angle: Array) -> Array:
         """Return where the innermost axis' x looks (n, 3), in axes of the base."""
@@ -55,7 +61,7 @@ class Sky:
         return np.asarray(platform.attitude(angles)[..., 0, :])
 
 
-def _between(a: Array, b: Array) -> float:
+def angle_between(a: Array, b: Array) -> float:
     return float(np.median(2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=-1) / 2, 0, 1))))
 
 
@@ -100,7 +106,7 @@ def readouts_against_stars(e: Examined) -> str:
         separation, size = sky.separation(correction)
         return separation / max(size, 1e-9)
 
-    for best in trials(_corrections(sky), misfit):
+    for best in successful_trials(_corrections(sky), misfit):
         separation = sky.separation(best.candidate)[0]
         if best.misfit < distance / extent / MIN_GAIN and separation < MAX_SEPARATION_RAD:
             return f"{stated}, and {np.degrees(separation):.2g} deg if {best.candidate.words}; correct [columns]"
@@ -128,7 +134,7 @@ def _corrections(sky: Sky) -> Iterator[Correction]:
     axes = sky.axes
     first, second = axes
     for a in axes:
-        yield scaled(
+        yield scale_correction(
             ANGLE, (a,), -1.0, f"the {a} runs the other way (its readout, or its true angle): sign = -1", of=axes
         )
     for quantities in ((ANGLE,), (STAR,), (ANGLE, STAR)):
@@ -142,12 +148,12 @@ def _corrections(sky: Sky) -> Iterator[Correction]:
                 if unit != stated[0]:
                     factor = size / UNITS[stated[0]]
                     words = f"the {nouns} of {' and '.join(which)} {are} in {unit}, not in {stated[0]}"
-                    each = [scaled(q, which, factor, words, of=axes) for q in quantities]
+                    each = [scale_correction(q, which, factor, words, of=axes) for q in quantities]
                     yield Correction(words, matrices={q: m for c in each for q, m in c.matrices.items()})
     for q in (ANGLE, STAR):
-        yield exchanged(q, axes, 0, 1, f"the {NOUN[q]}s of {first} and {second} are interchanged")
+        yield exchange_correction(q, axes, 0, 1, f"the {NOUN[q]}s of {first} and {second} are interchanged")
     both = f"both axes run the other way (readouts, or true angles): sign = -1 for {first}, {second}"
-    yield scaled(ANGLE, axes, -1.0, both, of=axes)
+    yield scale_correction(ANGLE, axes, -1.0, both, of=axes)
 
 
 CHECKS = (

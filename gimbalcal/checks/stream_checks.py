@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.checks.dropouts import Dropouts
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import SPARSE, Column
 from gimbalcal.recording.document import LARGEST
@@ -223,7 +223,7 @@ class StreamChecks:
     def remarks(self) -> tuple[str, ...]:
         """Return remarks on rows of one stamp, and on pauses of more than a day within one recording."""
         unit, column = self.clock.unit, f"column {self.clock.name}"
-        alike = f"{amount(self.equal, 'row')} stamped as the one before, and taken in the order of the file"
+        alike = f"{number_of(self.equal, 'row')} stamped as the one before, and taken in the order of the file"
         equal = (f"{self.header.samples}, {column}: {alike}",) if self.equal else ()
         long = [(row, dt) for row, dt in self.gaps if to_si(dt, unit) > MAX_STEP_S]
         if not long:

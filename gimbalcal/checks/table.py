@@ -1,14 +1,14 @@
 """The table of checks that a recording passes before it is calibrated, in the order in which they are made.
 
 They look for wrong units, axes, signs and clocks, which a calibration would absorb: each area of checks (covariates,
-stars, a static run, a unit turned in its place, forces, rates) has its rows, a `Check` each, and `examine` makes those
-that apply.
+stars, a static run, a unit turned in its place, forces, rates) has its rows, a `Check` each, and `make_checks` makes
+those that apply.
 """
 
 from __future__ import annotations
 
 from gimbalcal.checks import covariates, driven_rates, forces, rates, sidereal, sightings, turned_unit
-from gimbalcal.checks.check import POSITIONS, STATIC, Check, Examined, examine
+from gimbalcal.checks.check import POSITIONS, STATIC, Check, Examined, make_checks
 from gimbalcal.recording.detection import with_rests
 from gimbalcal.recording.record import FORCE, RATE, Recording
 
@@ -45,4 +45,4 @@ def refuse_implausible(recording: Recording) -> tuple[str, ...]:
     """
     if recording.kind.rotating and recording.has(RATE) and recording.has(FORCE):
         recording = with_rests(recording)
-    return examine(Examined(recording), CHECKS)
+    return make_checks(Examined(recording), CHECKS)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gimbalcal.errors import InputError, alternatives, amount, shortened
+from gimbalcal.errors import InputError, list_of_alternatives, number_of, shortened_text
 from gimbalcal.recording.lines import first_line, heading, is_number, lines
 
 if TYPE_CHECKING:
@@ -51,11 +51,11 @@ def check_names(path: Path, names: Sequence[str], present: Mapping[str, pl.DataT
     hint = "correct the name on one side"
     if any("\ufffd" in name for name in present):
         hint = "the names are not text in UTF-8, save the file as UTF-8"
-    has = [repr(shortened(name)) for name in present]
+    has = [repr(shortened_text(name)) for name in present]
     more = f" and {len(has) - MAX_NAMES} more" if len(has) > MAX_NAMES else ""
     raise InputError(
-        f"{path} has no column {alternatives([repr(name) for name in missing])}, which [columns] of recording.toml "
-        f"names; it has {', '.join(has[:MAX_NAMES])}{more}; {hint}"
+        f"{path} has no column {list_of_alternatives([repr(name) for name in missing])}, which [columns] of "
+        f"recording.toml names; it has {', '.join(has[:MAX_NAMES])}{more}; {hint}"
     )
 
 
@@ -74,17 +74,17 @@ def check_types(path: Path, names: Sequence[str], present: Mapping[str, pl.DataT
             raise InputError(f"{path}, column {name}: the column holds {dtype} values, not numbers{clock}")
 
 
-def explained(path: Path, names: Sequence[str], error: BaseException) -> InputError:
+def explanation(path: Path, names: Sequence[str], error: BaseException) -> InputError:
     """Return what an error of the engine means for the user, with the line where one can be identified."""
     if path.suffix == ".parquet":
-        reason = shortened(str(error).splitlines()[0].removeprefix("parquet: "), 150)
+        reason = shortened_text(str(error).splitlines()[0].removeprefix("parquet: "), 150)
         text = re.search(r"conversion from `str`.* in column '(.*?)'.*?\[(\".*?\")", reason)
         if text:
             return InputError(f"{path}, column {text[1]}: {text[2]} is not a number; write the column as numbers")
         return InputError(
             f"{path} cannot be read as Parquet, it seems to be cut short or damaged ({reason}); copy it again"
         )
-    reason = shortened(str(error).splitlines()[0], 150)
+    reason = shortened_text(str(error).splitlines()[0], 150)
     return _first_bad_line(path, names) or InputError(
         f"{path} cannot be read as CSV ({reason}); write lines of numbers with commas between them"
     )
@@ -95,17 +95,21 @@ def _first_bad_line(path: Path, names: Sequence[str]) -> InputError | None:
     for row, (line, cells) in enumerate(lines(path)):
         odd = next((cell for cell in cells if "\ufffd" in cell), None)
         if odd is not None:
-            return InputError(f"{path}, line {line}: {shortened(odd)!r} is not text in UTF-8; save the file as UTF-8")
+            return InputError(
+                f"{path}, line {line}: {shortened_text(odd)!r} is not text in UTF-8; save the file as UTF-8"
+            )
         if named and row == 0:
             continue
         if len(cells) > len(header):
             return InputError(
-                f"{path}, line {line}: {amount(len(cells), 'value')} where the first line names "
-                f"{amount(len(header), 'column')}; remove what is too much, and write decimal points, not commas"
+                f"{path}, line {line}: {number_of(len(cells), 'value')} where the first line names "
+                f"{number_of(len(header), 'column')}; remove what is too much, and write decimal points, not "
+                "commas"
             )
         for name, cell in zip(header, cells, strict=False):
             if name in names and not is_number(cell):
                 return InputError(
-                    f"{path}, line {line}, column {name}: {shortened(cell)!r} is not a number; write a number there"
+                    f"{path}, line {line}, column {name}: {shortened_text(cell)!r} is not a number; write a number "
+                    "there"
                 )
     return None

@@ -28,7 +28,7 @@ from gimbalcal.cli.demonstration import demo
 from gimbalcal.cli.options import EFFECTS, example
 from gimbalcal.cli.plain_characters import print_plain_characters, say
 from gimbalcal.cli.planning import budget, campaign, design, next_, observe, simulate
-from gimbalcal.errors import InputError, shortened
+from gimbalcal.errors import InputError, shortened_text
 from gimbalcal.memory_reuse import reuse_freed_memory
 
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
@@ -104,7 +104,7 @@ def _refuse_undecodable(words: list[str]) -> None:
         try:
             word.encode()
         except UnicodeEncodeError:
-            name = shortened(os.fsencode(word).decode(errors="backslashreplace"))
+            name = shortened_text(os.fsencode(word).decode(errors="backslashreplace"))
             raise InputError(f"'{name}' is not UTF-8; rename the file or folder, or type it again") from None
 
 

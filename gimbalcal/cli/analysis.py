@@ -23,8 +23,8 @@ from gimbalcal.cli.options import (
     completing,
     effect_names,
     example,
+    named_settings,
     names_option,
-    pairs,
 )
 from gimbalcal.cli.output_folders import Output, output_options, sensor_folders
 from gimbalcal.entries import Json
@@ -50,12 +50,12 @@ STORE = click.option(
 UNIT = click.option("--unit", default="", help="Which unit it is, in a --store of several.")
 
 
-def stored(command: F) -> F:
+def store_options(command: F) -> F:
     """Add the options --store and --unit."""
     return STORE(UNIT(command))
 
 
-def remember(store: Path | None, unit: str, kind: str, content: Json) -> None:
+def keep_result(store: Path | None, unit: str, kind: str, content: Json) -> None:
     """Keep a result in the store, if one is named; that of one sensor of several under the sensor's name."""
     if store is None:
         return
@@ -97,7 +97,7 @@ def remember(store: Path | None, unit: str, kind: str, content: Json) -> None:
     help="systematic: the parameters to estimate besides the nine navigation errors, as a list or by their number.",
 )  # fmt: skip
 @GRADE
-@stored
+@store_options
 @output_options("calibration.json and report.html", "NAME-calibration, here")
 def calibrate(
     recordings: tuple[Path, ...], method: str | None, terms: tuple[str, ...], more: tuple[str, ...],
@@ -118,7 +118,7 @@ def calibrate(
         for at in own:
             output.wrote(target.folder / at, "calibration.json")
     for calibration, _ in each:
-        remember(store, unit, "calibration", calibration.to_dict())
+        keep_result(store, unit, "calibration", calibration.to_dict())
     content = each[0][0].to_dict()
     if len(each) > 1:
         content["beside"] = {loaded[0].sensor: c.to_dict() for c, loaded in each[1:]}
@@ -136,7 +136,7 @@ def calibrate(
 @names_option("--baseline", "Effects the model holds; what is left out can be found.")
 @GRADE
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the simulated threshold.")
-@stored
+@store_options
 @output_options("diagnosis.json, calibration.json and report.html", "NAME-diagnosis, here")
 def diagnose(
     recordings: tuple[Path, ...], known: Path | None, baseline: tuple[str, ...], grade: str, seed: int,
@@ -165,9 +165,9 @@ def diagnose(
         for at in own:
             output.wrote(target.folder / at, "diagnosis.json")
     for diagnosis in diagnoses:
-        remember(store, unit, "diagnosis", diagnosis.to_dict())
+        keep_result(store, unit, "diagnosis", diagnosis.to_dict())
         if diagnosis.calibration is not None:
-            remember(store, unit, "calibration", diagnosis.calibration.to_dict())
+            keep_result(store, unit, "calibration", diagnosis.calibration.to_dict())
     content, sentences, checks = diagnoses[0].to_dict(), [headline_and_numbers(diagnoses[0])], []
     if len(diagnoses) > 1:
         content["beside"] = {group[0].sensor: d.to_dict() for group, d in zip(groups[1:], diagnoses[1:], strict=True)}
@@ -256,7 +256,7 @@ def _one_recording(given: tuple[Path, ...], known: tuple[Path, ...]) -> tuple[Pa
     )
 )
 @click.argument("calibrations", nargs=-1, type=FilePath())
-@stored
+@store_options
 @click.option(
     "--allow", multiple=True, metavar="NAME='VALUE UNIT'", help="How far a parameter may move until the next."
 )
@@ -276,7 +276,9 @@ def compare(
     named = [unit] if unit else [store] if store is not None else [c.absolute().parent.name for c in calibrations]
     target = output.folder(named, "history", files)
     stored, diagnoses = of_store(store, unit) if store is not None else ((), ())
-    comparison = run([*stored, *(dated_file(c) for c in calibrations)], unit, pairs("--allow NAME='VALUE UNIT'", allow))
+    comparison = run(
+        [*stored, *(dated_file(c) for c in calibrations)], unit, named_settings("--allow NAME='VALUE UNIT'", allow)
+    )
     if target is not None:
         write_comparison(comparison.printed, diagnoses, target.folder, target.question)
         output.wrote(target.folder, "compare.json")

@@ -37,11 +37,11 @@ def catalogue(words: tuple[str, ...], file: Path | None) -> None:
     if file is not None:
         if words:
             raise InputError(f"--check takes the effects of {file} alone; leave out {effect!r}")
-        _check(file)
+        check_file(file)
     elif not words:
-        _list(sorted(CATALOGUE))
+        list_effects(sorted(CATALOGUE))
     elif effect in CATALOGUE:
-        say(_card(inspect.getdoc(CATALOGUE[effect]) or ""))
+        say(plain_card(inspect.getdoc(CATALOGUE[effect]) or ""))
         say("")
         for f in dataclasses.fields(CATALOGUE[effect]):
             m = f.metadata
@@ -61,10 +61,10 @@ def catalogue(words: tuple[str, ...], file: Path | None) -> None:
             say(f"  {f.name}{unit}: usually {start}, from {low} to {high}; {m['grid'].value.partition(':')[0]}")
         say(f"  in recordings of kind {', '.join(CATALOGUE[effect].kinds)}")
     else:
-        _list(matching_effects(effect))
+        list_effects(matching_effects(effect))
 
 
-def _check(file: Path) -> None:
+def check_file(file: Path) -> None:
     """Print what each effect of a file adds and fits. Raises InputError for the first that breaks the contract."""
     from gimbalcal.effects import CATALOGUE, load_effects, parameters
     from gimbalcal.effects.effect import constants
@@ -76,7 +76,7 @@ def _check(file: Path) -> None:
         say(f"{i} keeps the contract: at stage {cls.stage.name} in {', '.join(cls.kinds)}; parameters {fitted}")
 
 
-def _card(text: str) -> str:
+def plain_card(text: str) -> str:
     """Return a card as plain text, with formulas in letters."""
     import re
 
@@ -92,7 +92,7 @@ def _card(text: str) -> str:
     return typeset(re.sub(r":math:`([^`]*)`", lambda m: plain_formula(m[1]), text).replace("``", "`"))
 
 
-def _list(names: list[str]) -> None:
+def list_effects(names: list[str]) -> None:
     """Print a line for each effect: name and first sentence of its card."""
     import inspect
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import click
 
 from gimbalcal.atomic import as_json
-from gimbalcal.cli.options import LATITUDE, POSITIVE, FilePath, Number, completing, example, pairs
+from gimbalcal.cli.options import LATITUDE, POSITIVE, FilePath, Number, completing, example, named_settings
 from gimbalcal.cli.output_folders import Output, output_options
 from gimbalcal.cli.plain_characters import say
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 
 SAMPLES = "samples.csv"
 
@@ -50,7 +50,7 @@ def apply(recording: Path, known: Path, inverse: bool, output: Output) -> None:
     done = "as the calibrated unit would read it" if inverse else "corrected"
     result = {"rows": len(corrected.time), "folder": str(folder), "direction": direction,
               "effects": sorted({e.id for e in calibration.effects})}  # fmt: skip
-    output.show(result, f"wrote {corrected.title!r}, {done}, {amount(len(corrected.time), 'row')}, into {folder}")
+    output.show(result, f"wrote {corrected.title!r}, {done}, {number_of(len(corrected.time), 'row')}, into {folder}")
 
 
 def _export_kinds() -> Iterable[str]:
@@ -121,11 +121,11 @@ def import_(kind: str, files: tuple[Path, ...], settings: tuple[str, ...], outpu
     from gimbalcal.importers import import_files
     from gimbalcal.recording import write
 
-    options = pairs("--set NAME=VALUE", settings)
+    options = named_settings("--set NAME=VALUE", settings)
     folder = output.out or Path(files[0].stem)
     if (folder / SAMPLES).resolve() in [file.resolve() for file in files]:
         raise InputError(f"{folder / SAMPLES} is to be read and would be written over; give another --out")
-    output.progress(f"importing {amount(len(files), 'file')} as {kind}")
+    output.progress(f"importing {number_of(len(files), 'file')} as {kind}")
     recording = import_files(kind, files, options)
     for remark in recording.remarks:
         output.progress(remark)
@@ -135,7 +135,7 @@ def import_(kind: str, files: tuple[Path, ...], settings: tuple[str, ...], outpu
     if output.as_json:
         say(as_json(summary))
     else:
-        say(f"wrote a {recording.kind} recording of {amount(len(recording.time), 'row')} into {folder}")
+        say(f"wrote a {recording.kind} recording of {number_of(len(recording.time), 'row')} into {folder}")
 
 
 @click.command(
@@ -190,8 +190,10 @@ def new(
     from gimbalcal.recording.dwell import in_several_attitudes
     from gimbalcal.report.new_page import commented_header, duration_and_rate, proposal_page
 
-    output.progress(f"reading {amount(len(logs), 'log')}")
-    proposal = propose(logs, title, rate or 0.0, latitude, height, longitude, pairs("--unit QUANTITY=UNIT", units))
+    output.progress(f"reading {number_of(len(logs), 'log')}")
+    proposal = propose(
+        logs, title, rate or 0.0, latitude, height, longitude, named_settings("--unit QUANTITY=UNIT", units)
+    )
     r, folder = proposal.recording, output.out or Path(logs[0].stem)
     page = "stars.html" if r.kind.sighting else "rests.html"
     with output.staged(folder) as staged:
@@ -209,8 +211,12 @@ def new(
         output.progress(f"note: {remark}")
     stars, turned = r.kind.sighting, r.kind.rotating
     intervals = 0 if stars or turned else len(dwells(r))
-    size = amount(len(r.time), "star") if stars else f"{amount(intervals, 'rest')} and {amount(len(r.time), 'row')}"
-    size = amount(len(r.time), "row") if turned or r.kind.stabilised else size
+    size = (
+        number_of(len(r.time), "star")
+        if stars
+        else f"{number_of(intervals, 'rest')} and {number_of(len(r.time), 'row')}"
+    )
+    size = number_of(len(r.time), "row") if turned or r.kind.stabilised else size
     if len(r.time) > max(intervals, 1) and not stars:  # a clock in another unit is seen at once
         size += f" over {duration_and_rate(r)}"
     description = f"a {r.kind} recording of {size}"

@@ -27,12 +27,12 @@ def shipped() -> Path:
 
 def demonstrate(out: Path, progress: Progress) -> tuple[Json, str]:
     """Calibrate and diagnose the package's recordings, a folder each under `out`; return a summary and its sentence."""
-    from gimbalcal.atomic import folder
+    from gimbalcal.atomic import atomic_folder
     from gimbalcal.words.calibration_sentences import calibration_in_words
     from gimbalcal.words.diagnosis_headline import headline
 
     data = shipped()
-    with folder(out) as new:  # all three are of one run
+    with atomic_folder(out) as new:  # all three are of one run
         progress("three stages: 18 positions and a static run of a space-stable platform (simulated, truth known)")
         platform = _calibrate([data / "space_stable_18", data / "space_stable_static"], "three-stage", new, progress)
         progress("a real recording: an Xsens unit turned by hand, no angles")

@@ -16,7 +16,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from gimbalcal.cli.plain_characters import say
-from gimbalcal.errors import InputError, shortened
+from gimbalcal.errors import InputError, shortened_text
 from gimbalcal.progress import Progress
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -41,7 +41,7 @@ class FilePath(click.Path):
         except OSError as problem:
             if problem.errno in (errno.ELOOP, errno.ENAMETOOLONG):
                 reason = "links that lead to themselves" if problem.errno == errno.ELOOP else "a name that is too long"
-                raise InputError(f"{shortened(str(path))} goes through {reason}; give the file itself") from None
+                raise InputError(f"{shortened_text(str(path))} goes through {reason}; give the file itself") from None
         return path
 
 
@@ -92,7 +92,7 @@ def names_option(name: str, help: str, parameter: str = "") -> Callable[[Any], A
     return click.option(*declared, multiple=True, callback=listed, metavar="NAME,...", help=help)
 
 
-def pairs(usage: str, settings: Sequence[str]) -> dict[str, str]:
+def named_settings(usage: str, settings: Sequence[str]) -> dict[str, str]:
     """Return the settings of an option that is used as `usage`, "--set NAME=VALUE", by name.
 
     Raises InputError for one without an equals sign.
@@ -100,7 +100,7 @@ def pairs(usage: str, settings: Sequence[str]) -> dict[str, str]:
     split = [setting.partition("=") for setting in settings]
     if without := [name for name, equals, _ in split if not equals]:
         option, _, form = usage.partition(" ")
-        raise InputError(f"{option} takes {form}, got {shortened(without[0])!r}")
+        raise InputError(f"{option} takes {form}, got {shortened_text(without[0])!r}")
     return {name.strip(): value for name, _, value in split}
 
 

@@ -70,7 +70,7 @@ class Output:
         None where nothing is written: the result goes to stdout as JSON, or the current folder cannot be written.
         Raises InputError where --out holds the answer to another question and --overwrite is not given.
         """
-        question = _question()
+        question = question_digest()
         if self.out is not None:
             if read := _effects_files() & {(self.out / name).resolve() for name in files}:
                 raise InputError(f"{read.pop()} is read and would be written over; give another --out")
@@ -146,7 +146,7 @@ def output_options(
             click.option(
                 "--quiet", is_flag=True, help="Print no progress on stderr; the result on stdout is the same."
             ),
-            click.option("--out", type=FilePath(), callback=_writable, default=None, help=described),
+            click.option("--out", type=FilePath(), callback=refuse_unwritable, default=None, help=described),
         ]
         if replaces:
             differ = "Replace files in --out that differ from what is written."
@@ -156,7 +156,7 @@ def output_options(
     return decorate
 
 
-def _writable(_context: click.Context, _option: click.Parameter, out: Path | None) -> Path | None:
+def refuse_unwritable(_context: click.Context, _option: click.Parameter, out: Path | None) -> Path | None:
     """Return --out. Raises InputError before anything is computed where it cannot be a folder."""
     if out is None:
         return None
@@ -173,7 +173,7 @@ def sensor_folders(each: Sequence[Sequence[Recording]]) -> list[str]:
     return [loaded[0].sensor if k else "" for k, loaded in enumerate(each)]
 
 
-def _question() -> str:
+def question_digest() -> str:
     """Return an identifier of the question: the command and a digest of all options with an effect on the result."""
     context = click.get_current_context()
     parameters = {k: _plain(v) for k, v in sorted(context.params.items()) if k not in WITHOUT_EFFECT}
@@ -223,7 +223,7 @@ def staged_folder(folder: Path, overwrite: bool = False) -> Iterator[Path]:
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file and cannot be a folder; give another --out")
     belonging: list[str] = []
-    with atomic.folder(folder, NAME, belonging) as new:  # the header last: it is what makes a folder a recording
+    with atomic.atomic_folder(folder, NAME, belonging) as new:  # the header last: it is what makes a folder a recording
         yield new
         if overwrite and (new / NAME).is_file():
             belonging.append(TRUTH)  # of the simulation that was there

@@ -27,7 +27,7 @@ from gimbalcal.cli.options import (
     names_option,
 )
 from gimbalcal.cli.output_folders import Output, output_options
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 
 if TYPE_CHECKING:
     from gimbalcal.design.optimal import PositionsDesign
@@ -169,8 +169,8 @@ def design(
         from gimbalcal.design.turning_design import design_turning, table_of
         from gimbalcal.schedule.file import rotation_toml
 
-        _only(criterion, ("max", "sum"), kind)
-        output.progress(f"looking at {amount(tries, 'sequence')} of turns")
+        refuse_other_criteria(criterion, ("max", "sum"), kind)
+        output.progress(f"looking at {number_of(tries, 'sequence')} of turns")
         turns = design_turning(
             table_of(step, limit, rate, ramp, total), latitude, states, against, criterion or "max",
             (rate_noise, force_noise, velocity_sigma), tries, seed, output.progress,
@@ -181,7 +181,7 @@ def design(
         from gimbalcal.design.rig_positions import rig_of
         from gimbalcal.schedule.file import schedule_toml
 
-        _only(criterion, ("D", "A", "position"), kind)
+        refuse_other_criteria(criterion, ("D", "A", "position"), kind)
         rig = rig_of(platform, step, angle_sigma, force_sigma)
         if learn:
             from gimbalcal.design.learning import design_learning
@@ -202,7 +202,7 @@ def design(
     output.show(plan.to_dict(), design_headline(plan), target)
 
 
-def _only(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
+def refuse_other_criteria(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
     if criterion is not None and criterion not in known:
         raise InputError(f"--criterion {criterion} is not for --kind {kind}; write {' or '.join(known)}")
 

@@ -34,7 +34,7 @@ from gimbalcal.design.optimal import (
 from gimbalcal.design.rig_positions import PositioningRig, design_parameters, stimulus_of_settings, whitened_rows
 from gimbalcal.earth import HOUR
 from gimbalcal.effects import Parameter
-from gimbalcal.errors import InputError, alternatives
+from gimbalcal.errors import InputError, list_of_alternatives
 from gimbalcal.number import Array
 from gimbalcal.schedule import Hold, Schedule
 
@@ -61,7 +61,7 @@ def design_learning(
     known = (TIME, TEMPERATURE, "force_x", "force_y", "force_z", *rig.platform.axis_names)
     for name in learn:
         if name not in known:
-            raise InputError(f"--learn {name}: a plan has no such variable; write {alternatives(known)}")
+            raise InputError(f"--learn {name}: a plan has no such variable; write {list_of_alternatives(known)}")
     if not 0 < len(set(learn)) == len(learn) <= 2:
         raise InputError("--learn takes one variable, or two different ones whose product a law may follow")
     wanted = design_parameters(rig, terms or default_terms(rig))

@@ -29,10 +29,10 @@ from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import HOUR
 from gimbalcal.effects import CATALOGUE, Parameter, Stimulus, known_effect, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.effects.effect import tied
-from gimbalcal.entries import Entry, Json, plain
-from gimbalcal.errors import InputError, alternatives
-from gimbalcal.estimate.grade import graded
+from gimbalcal.effects.effect import without_gauge
+from gimbalcal.entries import Entry, Json, plain_json
+from gimbalcal.errors import InputError, list_of_alternatives
+from gimbalcal.estimate.grade import grade_of_unit
 from gimbalcal.kinematics import sidereal_phase, stimulus_from_angles, stimulus_from_readings
 from gimbalcal.navigate.stationary_base import ideal_static_run
 from gimbalcal.number import Array
@@ -123,7 +123,7 @@ class NextPlan(Displayed):
             for i, (p, s) in enumerate(zip(self.parameters, self.sigma, strict=True))
         ]
         return {
-            "format": 1, "in_words": next_answer(self), "reached": self.reached, "steps": plain(self.steps),
+            "format": 1, "in_words": next_answer(self), "reached": self.reached, "steps": plain_json(self.steps),
             "parameters": rows, "separate": list(self.separate), "separation": self.separation,
         }  # fmt: skip
 
@@ -168,7 +168,7 @@ def next_step(
     of its noise; prior: sigmas [SI] by label in place of usual sizes. Raises InputError for other kinds of recordings.
     """
     complete = [replace(completed(r), other_sensors=()) for r in recordings]
-    recordings = graded(complete, grade).of(complete)
+    recordings = grade_of_unit(complete, grade).of(complete)
     dwelling = [r for r in recordings if r.kind.in_positions]
     at_rest = [r for r in recordings if r.kind.stabilised]
     if reach is not None and separate:
@@ -296,13 +296,15 @@ class _Bench:
         for added in map(known_effect, more):
             needs = [need for need in added.requires if need != "temperature" or not means.has("temperature")]
             if added.channel != "specific_force" or needs:
-                need = f" and needs {alternatives(needs)}" if needs else ""
+                need = f" and needs {list_of_alternatives(needs)}" if needs else ""
                 raise InputError(f"{added.id} shows in {added.channel}{need}: dwells in positions do not show it")
         if known:
             wanted = position_parameters(last.platform, (*BASELINE["multi-position"], *more), last.grade)
         else:
             terms = (*determined_terms(means.triad(FORCE)), *more)
-            wanted = tied([last.grade.usual(p) for t in dict.fromkeys(terms) for p in parameters(CATALOGUE[t])])
+            wanted = without_gauge(
+                [last.grade.usual(p) for t in dict.fromkeys(terms) for p in parameters(CATALOGUE[t])]
+            )
         weight = float(np.median(means.weight))
         step = last.step if len(last.time) > len(means.time) else 0.0
         lasting = np.median(np.diff(means.time)) if len(means.time) > 1 else 600.0
@@ -457,5 +459,5 @@ def refuse_axes(separate: Sequence[str], wanted: Sequence[Parameter]) -> None:
     for name in separate:
         if not any(is_of_effects(p, [name]) for p in wanted):
             effect = name.partition(":")[0]
-            axes = alternatives([f"{effect}:{p.axis}" for p in wanted if p.effect == effect and p.axis])
+            axes = list_of_alternatives([f"{effect}:{p.axis}" for p in wanted if p.effect == effect and p.axis])
             raise InputError(f"--separate {name}: no such axis is estimated; write {axes or effect}")

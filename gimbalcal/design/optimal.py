@@ -20,8 +20,8 @@ from gimbalcal.design.rig_positions import PositioningRig, design_parameters, di
 from gimbalcal.earth import HOUR, normal_gravity
 from gimbalcal.effects import Parameter
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.entries import Json, plain
-from gimbalcal.errors import InputError, amount
+from gimbalcal.entries import Json, plain_json
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.multiposition import TERMS
 from gimbalcal.inference.information import Unobservable, information, solve
 from gimbalcal.navigate.stationary_base import still_base
@@ -242,7 +242,7 @@ class PositionsDesign:
     def origin(self) -> str:
         """The number of positions, and how they were chosen."""
         n = len(self.schedule.holds)
-        return f"{amount(n, 'position')}, chosen among {amount(self.candidates, 'attitude')} that differ"
+        return f"{number_of(n, 'position')}, chosen among {number_of(self.candidates, 'attitude')} that differ"
 
     @property
     def position_error(self) -> str:
@@ -273,11 +273,11 @@ class PositionsDesign:
             "candidates": self.candidates,
             "angles": self.angles,
             "parameters": [row.to_dict() | {"others": dict(row.others)} for row in self.rows],
-            "unobservable": plain(self.unobservable),
+            "unobservable": plain_json(self.unobservable),
             "unsupported": self.unsupported,
             "against": {name: a.to_dict() for name, a in self.against.items()},
             "in_words": self.in_words,
-        } | ({"law": plain(self.law)} if self.law else {})
+        } | ({"law": plain_json(self.law)} if self.law else {})
 
 
 def assessed_design(

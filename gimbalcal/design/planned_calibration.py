@@ -28,10 +28,10 @@ from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import COLOURED
 from gimbalcal.schedule import ROTATIONS, Hold, RotationSchedule, Schedule
-from gimbalcal.schedule.commands import standing
+from gimbalcal.schedule.commands import standing_attitude
 from gimbalcal.schedule.trajectory import trajectory
 from gimbalcal.simulate import Scenario
-from gimbalcal.simulate.timetable import planned as position_schedule
+from gimbalcal.simulate.timetable import planned_schedule as position_schedule
 from gimbalcal.simulate.turned import schedule_of as turning_schedule
 from gimbalcal.views.positions import Noise, planned_recording, position_parameters
 from gimbalcal.views.segments import DEFAULT_VELOCITY_SIGMA_M_S
@@ -222,7 +222,9 @@ def _by_turns(plans: Plans, state_list: str, more: Sequence[str], hours: float) 
         manoeuvres.append(PlannedManoeuvre(f"a session of {name} besides", other.hours, total + other.information))
     navigating = (at_rest or [s for _, s in plans])[0]
     site = _with_gravity(required_latitude(navigating.site.latitude), navigating.site.height, navigating.site.gravity)
-    unit = still_unit(hours + ALONE.alignment / 3600, site, standing(turning_schedule(navigating.schedule).start))
+    unit = still_unit(
+        hours + ALONE.alignment / 3600, site, standing_attitude(turning_schedule(navigating.schedule).start)
+    )
     return PlannedCalibration(total, tuple(manoeuvres), unit)
 
 

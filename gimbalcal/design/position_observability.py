@@ -25,8 +25,8 @@ import numpy as np
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.effects import Parameter, known_effect, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.entries import Json, plain
-from gimbalcal.errors import InputError, amount
+from gimbalcal.entries import Json, plain_json
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.fit import information_of
 from gimbalcal.forward import jacobian
 from gimbalcal.inference.algebra import orthonormal
@@ -140,7 +140,7 @@ class Observability(Displayed):
     def in_words(self) -> str:
         """The answer in one paragraph."""
         n, unobservable = len(self.solution.parameters), self.unobservable
-        lines = [f"{self.schedule} sees {n - len(unobservable)} of {amount(n, 'combination')} of parameters"]
+        lines = [f"{self.schedule} sees {n - len(unobservable)} of {number_of(n, 'combination')} of parameters"]
         lines += [f"not observable: {u.why}" for u in unobservable]
         lines += [f"confounded: {t.one} and {t.other} (cosine {t.cosine:+.4f})" for t in self.confounded]
         hidden = [c.effect for c in self.candidates if c.strength < MIN_SIGNAL_TO_NOISE]
@@ -164,9 +164,9 @@ class Observability(Displayed):
             "schedule": self.schedule,
             "noise": self.noise,
             "parameters": [row.to_dict() | {"effect": row.parameter.effect} for row in self.rows],
-            "unobservable": plain(self.unobservable),
-            "twins": plain(self.confounded),
-            "candidates": plain(self.candidates),
+            "unobservable": plain_json(self.unobservable),
+            "twins": plain_json(self.confounded),
+            "candidates": plain_json(self.candidates),
             "in_words": self.in_words,
         }
 

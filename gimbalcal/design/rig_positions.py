@@ -15,12 +15,12 @@ import numpy as np
 
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, Parameter, Stage, Stimulus, known_effect, parameters
-from gimbalcal.effects.effect import tied
+from gimbalcal.effects.effect import without_gauge
 from gimbalcal.errors import InputError
 from gimbalcal.forward import linearise
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
-from gimbalcal.platform import KNOWN, Platform, known
+from gimbalcal.platform import KNOWN, Platform, known_platform
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE
@@ -81,7 +81,7 @@ def rig_of(name: str, step: float, setting: float | None, force: float = 2.0) ->
     force [ug]: noise of one position's mean. Raises InputError for an unknown platform, a step that does not divide the
     circle, or a noise that is not positive.
     """
-    platform = known(name)
+    platform = known_platform(name)
     if platform is None or not platform.axes:
         with_axes = ", ".join(n for n, p in KNOWN.items() if p.axes)
         raise InputError(f"no rig is called {name!r}; known are {with_axes}")
@@ -105,7 +105,7 @@ def design_parameters(rig: PositioningRig, terms: Sequence[str]) -> tuple[Parame
         gimbals = [t for t in terms if parameters(CATALOGUE[t], rig.platform.axis_names) != parameters(CATALOGUE[t])]
         if gimbals:
             raise InputError(f"{gimbals[0]} is an angle error, which is not observable where no angle is known")
-        return tied([p for t in terms for p in parameters(CATALOGUE[t])])
+        return without_gauge([p for t in terms for p in parameters(CATALOGUE[t])])
     return position_parameters(rig.platform, terms)
 
 

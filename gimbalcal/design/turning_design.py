@@ -21,13 +21,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gimbalcal.design.turning import StretchModel, TurningExperiment, cramer_rao_sigmas, turning_experiment
-from gimbalcal.entries import Entry, Json, plain
-from gimbalcal.errors import InputError, amount
+from gimbalcal.entries import Entry, Json, plain_json
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress, no_progress
 from gimbalcal.rotation import exponential
 from gimbalcal.schedule import ROTATIONS, Move, RotationSchedule
-from gimbalcal.schedule.commands import direction, standing
+from gimbalcal.schedule.commands import direction, standing_attitude
 from gimbalcal.schedule.file import read_rotation
 from gimbalcal.schedule.trajectory import Trajectory, trajectory
 from gimbalcal.units import from_si
@@ -85,7 +85,7 @@ class TurningSearch:
     def attitude(self, at: Steps) -> Array:
         """Return C_bn (3, 3) of the unit at a position of the axes."""
         outer, inner = (self.table.step * k for k in at)
-        return exponential(-outer * EAST) @ standing(START_AXES) @ exponential(-inner * Z)
+        return exponential(-outer * EAST) @ standing_attitude(START_AXES) @ exponential(-inner * Z)
 
     def turning_time(self, turn: Turn) -> float:
         """Return the duration of a turn [s]."""
@@ -221,7 +221,7 @@ def as_tour(schedule: RotationSchedule, table: TwoAxisTable) -> Tour | None:
     quarter = round(np.pi / 2 / table.step)
     if not np.isclose(quarter * table.step, np.pi / 2):
         return None
-    goal, C = schedule.attitudes(), standing(START_AXES)
+    goal, C = schedule.attitudes(), standing_attitude(START_AXES)
     starts = [(a * quarter, b * quarter) for a in (0, 1, -1, 2) for b in (0, 1, -1, 2)]
 
     def attitude(at: Steps) -> Array:
@@ -346,7 +346,7 @@ class TurnsDesign:
     @property
     def in_words(self) -> str:
         """The answer in one paragraph."""
-        turns = amount(len(self.schedule.moves), "turn")
+        turns = number_of(len(self.schedule.moves), "turn")
         words = [f"{turns} with stops of {self.schedule.stop:.1f} s take {self.duration:.0f} s"]
         for g in self.groups:
             compared = ", ".join(f"{other} {value:.3g}" for other, value in g.against.items())
@@ -361,6 +361,6 @@ class TurnsDesign:
             "turns": len(self.schedule.moves),
             "stop_s": self.schedule.stop,
             "total_s": self.duration,
-            "groups": plain(self.groups),
+            "groups": plain_json(self.groups),
             "in_words": self.in_words,
         }

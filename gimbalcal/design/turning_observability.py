@@ -22,7 +22,7 @@ from gimbalcal.design.position_observability import Observability, assess_inform
 from gimbalcal.design.turning import turning_experiment
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.effects import Parameter
-from gimbalcal.entries import Entry, Json, plain
+from gimbalcal.entries import Entry, Json, plain_json
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, information, name_directions
@@ -174,7 +174,7 @@ class TurningObservability(Displayed):
             for c in (*self.curves, *self.navigation)
         ]
         out["weak"] = [{"direction": direction, "degree": degree} for direction, degree in self.weak]
-        return out | {"published": plain(self.published) or {}, "in_words": self.in_words}
+        return out | {"published": plain_json(self.published) or {}, "in_words": self.in_words}
 
 
 def observe_turning(

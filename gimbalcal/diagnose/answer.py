@@ -14,7 +14,7 @@ from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.result import Finding, FitSummary, LawResult, Mismatch, Shape
 from gimbalcal.display import Displayed, data_frame
 from gimbalcal.effects import Stimulus
-from gimbalcal.entries import Json, plain
+from gimbalcal.entries import Json, plain_json
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -140,11 +140,11 @@ class Diagnosis(Displayed):
             "verdict": self.verdict,
             "in_words": self.in_words,
             "outcome": self.outcome,
-            "mismatch": plain(self.mismatch),
-            "findings": plain(self.findings),
-            "unexplained": plain(self.unexplained),
+            "mismatch": plain_json(self.mismatch),
+            "findings": plain_json(self.findings),
+            "unexplained": plain_json(self.unexplained),
             **(
-                {"laws": plain(self.laws), "recommend": self.recommend}
+                {"laws": plain_json(self.laws), "recommend": self.recommend}
                 if self.verdict == "unexplained" or self.laws
                 else {}
             ),

@@ -20,7 +20,7 @@ from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.result import Cost
 from gimbalcal.earth import NAUTICAL_MILE, SOLAR_DAY
 from gimbalcal.effects import CATALOGUE, Effect
-from gimbalcal.effects.effect import lacking
+from gimbalcal.effects.effect import lacking_quantity
 from gimbalcal.errors import InputError
 from gimbalcal.navigate.stationary_base import ROW, still_base, still_unit
 from gimbalcal.navigate.uncertainty import navigation_errors, position_uncertainty, usual_references
@@ -28,12 +28,12 @@ from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FOLLOWED
-from gimbalcal.schedule.commands import standing
+from gimbalcal.schedule.commands import standing_attitude
 from gimbalcal.views.segments import turned_in_place
 from gimbalcal.words.diagnosis_sentences import cost_in_words
 
 DAY = 24.0  # h that a still base is navigated
-EAST_NORTH_UP = standing(("east", "north", "up"))  # how a unit stands on it
+EAST_NORTH_UP = standing_attitude(("east", "north", "up"))  # how a unit stands on it
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def _run(unit: _Unit) -> tuple[Recording, tuple[str, ...]]:
     if unit.measured:
         return unit.base, tuple(unit.effects)
     kind = unit.base.kind
-    there = [e for e in unit.whole.effects if e.shows_in(kind) and not lacking(type(e), unit.base.has)]
+    there = [e for e in unit.whole.effects if e.shows_in(kind) and not lacking_quantity(type(e), unit.base.has)]
     ids = {e.id for e in there}
     shown = tuple(effect for effect in unit.effects if effect in ids or not CATALOGUE[effect].shows_in(kind))
     return replace(unit.whole, effects=tuple(there)).corrupt(unit.base), shown

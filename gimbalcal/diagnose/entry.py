@@ -26,12 +26,12 @@ from gimbalcal.diagnose.result import Shape
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import constants
-from gimbalcal.effects.loading import outside
-from gimbalcal.entries import plain
+from gimbalcal.effects.loading import files_outside
+from gimbalcal.entries import plain_json
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.fit_summary import joined
+from gimbalcal.estimate.accelerometers.fit_summary import joined_sentences
 from gimbalcal.estimate.caveats import caveats, input_errors, too_few_attitudes
-from gimbalcal.estimate.grade import Graded, graded, refuse_for_mounts
+from gimbalcal.estimate.grade import Graded, grade_of_unit, refuse_for_mounts
 from gimbalcal.estimate.pointing.fit import usual_terms
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.estimate.unit import inertial_unit, unit_of_sessions
@@ -79,7 +79,7 @@ def diagnose(
         refuse_for_mounts(grade)
         diagnosis = _diagnosed(request)
     else:
-        unit = graded(recordings, grade)
+        unit = grade_of_unit(recordings, grade)
         progress(unit.in_words)
         diagnosis = _with_question(_diagnosed(replace(request, recordings=tuple(unit.of(recordings)))), request, unit)
         provenance["grade"] = unit.origin.to_dict()
@@ -92,14 +92,16 @@ def diagnose(
 
 def _with_effect_files(diagnosis: Diagnosis) -> Diagnosis:
     """The diagnosis with the files of effects that were compared beside the catalogue's, and those that it holds."""
-    if not (compared := outside()):
+    if not (compared := files_outside()):
         return diagnosis
     calibration = diagnosis.calibration
     if calibration is not None:
-        files = outside({p.effect for p in calibration.parameters})
+        files = files_outside({p.effect for p in calibration.parameters})
         files = (*(calibration.provenance.effects or ()), *files)
         calibration = replace(calibration, provenance=replace(calibration.provenance, effects=files or None))
-    return replace(diagnosis, calibration=calibration, provenance={**diagnosis.provenance, "effects": plain(compared)})
+    return replace(
+        diagnosis, calibration=calibration, provenance={**diagnosis.provenance, "effects": plain_json(compared)}
+    )
 
 
 def _with_question(diagnosis: Diagnosis, request: DiagnosisRequest, unit: Graded) -> Diagnosis:
@@ -153,10 +155,10 @@ def with_caveats(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequen
         return d
     reasons = list(dict.fromkeys(words for r in recordings for words in caveats(r, baseline)))
     if few:
-        return replace(d, outcome=joined([few, *reasons]), provenance={**d.provenance, "untested": True})
+        return replace(d, outcome=joined_sentences([few, *reasons]), provenance={**d.provenance, "untested": True})
     if not reasons:
         return d
-    outcome, stated = joined([d.outcome, *reasons]), any(r.noise for r in recordings)
+    outcome, stated = joined_sentences([d.outcome, *reasons]), any(r.noise for r in recordings)
     of = "stated noise" if stated else "noise of the samples"
     words = f"No catalogued cause is significant, but the residuals exceed the {of}. {outcome}."
     return replace(d, outcome=outcome, in_words=words, provenance={**d.provenance, "noise_stated": stated})
@@ -224,7 +226,7 @@ def _with_agreement(
     compared = shared.provenance.nights or shared.provenance.options.sessions or ()
     unknown = f"whether the {each}s {alike} cannot be determined: fewer than two of them determine the terms"
     words = (shared.outcome or (f"the {each}s {alike}" if compared else unknown)).rstrip(".")
-    listed = plain(compared)
+    listed = plain_json(compared)
     return replace(
         d,
         in_words=f"{d.in_words} {capitalised(words)}.",

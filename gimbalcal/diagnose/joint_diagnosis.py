@@ -15,7 +15,7 @@ from gimbalcal.diagnose.verdict.view_calibration import calibrated_views
 from gimbalcal.diagnose.view_result import ViewDiagnosis
 from gimbalcal.effects import Effect, Parameter
 from gimbalcal.effects.effect import constants
-from gimbalcal.estimate.accelerometers.fit_summary import joined
+from gimbalcal.estimate.accelerometers.fit_summary import joined_sentences
 from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences
 
@@ -32,7 +32,7 @@ def joint_diagnosis(
     findings = tuple(f for p in parts for f in p.findings)
     shapes = tuple(u for p in parts for u in p.unexplained)
     mismatch = tuple(m for p in by_weight for m in p.mismatch)
-    outcome = joined([p.outcome for p in parts])
+    outcome = joined_sentences([p.outcome for p in parts])
     answer = diagnosis_sentences.answer(lead.verdict, [(p.view, p.fit, p.findings) for p in parts], shapes, mismatch)
     limits = [u for p in parts for u in p.fit.unseen or ()] if lead.verdict == "adequate" else []
     contradictions = [x for p in parts for x in p.contradictions]
@@ -57,7 +57,7 @@ def joint_diagnosis(
         replace(lead.fit, views={p.name: p.fit for p in parts}) if len(parts) > 1 else lead.fit, provenance,
         " ".join(filter(None, [*words, *also])), lead.curves,
         calibration_of(parts, diagnosis_sentences.reservation_sentence(lead.verdict, findings, shapes)),
-        joined([*(x.in_words for x in contradictions), outcome]),
+        joined_sentences([*(x.in_words for x in contradictions), outcome]),
         laws=tuple(law for p in parts for law in p.laws),
         recommend=next(filter(None, (p.recommend for p in by_weight)), ""), without=refit_without(parts),
         other_curves=tuple(p.curves for p in by_weight[1:]),

@@ -11,7 +11,7 @@ from gimbalcal.diagnose.laws.law_file import source
 from gimbalcal.diagnose.of_recording import DiagnosisRequest
 from gimbalcal.effects.loading import EffectFile, temporarily_loaded
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.fit_summary import joined
+from gimbalcal.estimate.accelerometers.fit_summary import joined_sentences
 from gimbalcal.history.fleet import Fleet
 from gimbalcal.method_table import METHODS
 from gimbalcal.methods import calibrate, usual_method
@@ -41,10 +41,10 @@ def with_laws(d: Diagnosis, request: DiagnosisRequest, grade: str | Fleet) -> Di
             calibration, _ = calibrate(recordings, terms=terms, more=list(more), grade=grade, progress=no_progress)
     except InputError as problem:
         reason = law_sentences.NOT_CALIBRATED.format(problem=problem)
-        return replace(d, calibration=replace(d.calibration, outcome=joined([d.calibration.outcome, reason])))
+        return replace(d, calibration=replace(d.calibration, outcome=joined_sentences([d.calibration.outcome, reason])))
     file = EffectFile(FILE, sha256(text.encode()).hexdigest(), ids)
     provenance = replace(calibration.provenance, effects=(file,))
-    outcome = joined([law_sentences.CAUSE_UNKNOWN, calibration.outcome])
+    outcome = joined_sentences([law_sentences.CAUSE_UNKNOWN, calibration.outcome])
     return replace(d, calibration=replace(calibration, outcome=outcome, provenance=provenance))
 
 

@@ -28,7 +28,7 @@ from gimbalcal.diagnose.verdict.verify import row_sigma
 from gimbalcal.diagnose.view_result import ViewDiagnosis
 from gimbalcal.effects import CATALOGUE, Effect, known_effect
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.effects.effect import SENSOR_STAGES, follows
+from gimbalcal.effects.effect import SENSOR_STAGES, followed_covariate
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.caveats import misheld_positions
@@ -39,7 +39,7 @@ from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     view_at_rest,
     view_of_turns,
 )
-from gimbalcal.estimate.pointing.pattern import MISTAKEN, outliers, why_far
+from gimbalcal.estimate.pointing.pattern import MISTAKEN, outlying_stars, why_far
 from gimbalcal.estimate.systematic.calibrate import navigation_view
 from gimbalcal.kinematics import ideal_force
 from gimbalcal.progress import Progress
@@ -205,7 +205,7 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
             break
         c = select_causes(v, request.progress)  # formulas, which may follow a few outliers, are sought without these
         residual, number = c.with_shapes.residual, v.stimulus.position
-        off = outliers(residual / row_sigma(c.with_shapes)) if rounds else []
+        off = outlying_stars(residual / row_sigma(c.with_shapes)) if rounds else []
         if not 0 < len(off) <= MAX_OUTLIER_SHARE * len(v):
             d = diagnose_selected(c, request.progress)
             break
@@ -419,6 +419,6 @@ def why_not_in_model(effect_id: str, recording: Recording) -> str:
     """Return why the model of a recording cannot hold an effect, to follow "which"; empty where it can."""
     cls, logs = known_effect(effect_id, "baseline"), recording.axes("covariate")
     reason = recording.why_not_shown(cls)
-    if not reason and follows(cls) == "" and len(logs) > 1:
+    if not reason and followed_covariate(cls) == "" and len(logs) > 1:
         return f"follows one covariate, and {recording.title!r} has {len(logs)} of them"
     return reason

@@ -13,11 +13,11 @@ from gimbalcal.effects.effect import (
     Parameter,
     Stage,
     Stimulus,
-    absent,
     known_effect,
     parameters,
     values,
     with_values,
+    zero_effect,
 )
 from gimbalcal.effects.loading import load_effects, load_installed
 
@@ -27,12 +27,12 @@ __all__ = [
     "Parameter",
     "Stage",
     "Stimulus",
-    "absent",
     "known_effect",
     "load_effects",
     "parameters",
     "values",
     "with_values",
+    "zero_effect",
 ]
 
 for _module in pkgutil.iter_modules(__path__):  # every file here is a family: a new effect needs no other edit

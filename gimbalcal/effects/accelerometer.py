@@ -8,7 +8,7 @@ from gimbalcal.effects.effect import MISALIGNMENT_AXES, TRIAD, Effect, Role, Sta
 from gimbalcal.number import Array, sqrt
 
 
-def lean(beta: Array, force: Array) -> Array:
+def misalignment_error(beta: Array, force: Array) -> Array:
     """Return (C_p^a - I) f of Wu et al. (2018), Eq. (5): beta (6,) in the order of MISALIGNMENT_AXES, force (..., 3).
 
     The same for the input axes of gyroscopes, with the angular rate in place of the force.
@@ -20,9 +20,9 @@ def lean(beta: Array, force: Array) -> Array:
     return out
 
 
-def leaning(beta: Array) -> Array:
+def misalignment_matrix(beta: Array) -> Array:
     """Return C_p^a - I (3, 3) of beta (6,)."""
-    return lean(beta, np.eye(3)).T
+    return misalignment_error(beta, np.eye(3)).T
 
 
 def angles_of(C: Array) -> Array:
@@ -30,7 +30,7 @@ def angles_of(C: Array) -> Array:
     return np.array([-C[0, 2], C[0, 1], -C[1, 0], C[1, 2], -C[2, 1], C[2, 0]])
 
 
-def bend(K: Array, force: Array) -> Array:
+def nonlinearity_error(K: Array, force: Array) -> Array:
     r"""Return output w less input u of w = u + K w^2, exactly: u (1 - r) / (1 + r) with r = sqrt(1 - 4 K u).
 
     The implicit Eq. (6) of Wu et al. (2018) solved; K u^2 to first order (K2 of IEEE Std 1293).
@@ -39,7 +39,7 @@ def bend(K: Array, force: Array) -> Array:
     return np.asarray(force * (1 - r) / (1 + r))
 
 
-def across(force: Array) -> tuple[Array, Array]:
+def cross_forces(force: Array) -> tuple[Array, Array]:
     """Return the force across each axis: along the next one and the one after it, (f_j, f_k), each (..., 3)."""
     return force[..., [1, 2, 0]], force[..., [2, 0, 1]]
 
@@ -66,7 +66,7 @@ class Misalignment(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the force added along the input axes [m/s^2]: (C_p^a - I) f^p."""
-        return lean(self.beta, s.force)
+        return misalignment_error(self.beta, s.force)
 
 
 @effect
@@ -111,7 +111,7 @@ class ScaleNonlinearity(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the output added [m/s^2]: w - u."""
-        return bend(self.K_nl, s.force)
+        return nonlinearity_error(self.K_nl, s.force)
 
 
 @effect

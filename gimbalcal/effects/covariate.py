@@ -10,7 +10,7 @@ import numpy as np
 
 from gimbalcal.earth import HOUR
 from gimbalcal.effects.effect import TRIAD, Effect, Grid, Role, Stage, Stimulus, constant, effect, parameter
-from gimbalcal.effects.history import Dynamics, late
+from gimbalcal.effects.history import Dynamics, lagged_states
 from gimbalcal.number import Array
 
 
@@ -66,7 +66,7 @@ class BiasCovariateLagged(Effect):
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the channel as the sensor has followed it by now."""
-        return late(channel(s, self.covariate)[:, None], self.tau, self.k)
+        return lagged_states(channel(s, self.covariate)[:, None], self.tau, self.k)
 
 
 @effect

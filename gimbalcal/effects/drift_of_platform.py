@@ -77,11 +77,11 @@ class GyroDrift(PlatformTurn):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the rotation in platform axes [rad], (n, 3)."""
-        return false_rate.constant(self.epsilon, s) * s.time[..., None]
+        return false_rate.constant_rate(self.epsilon, s) * s.time[..., None]
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the states of the turn since the first sample."""
-        return added_up(false_rate.constant(self.epsilon, s))
+        return added_up(false_rate.constant_rate(self.epsilon, s))
 
 
 @effect

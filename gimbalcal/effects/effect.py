@@ -252,7 +252,7 @@ def constants(cls: type[Effect]) -> tuple[dataclasses.Field[float], ...]:
     return tuple(f for f in dataclasses.fields(cls) if "grid" in f.metadata)
 
 
-def tied(wanted: Sequence[Parameter]) -> tuple[Parameter, ...]:
+def without_gauge(wanted: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Return the parameters without those that only turn a frame to which nothing is tied."""
     return tuple(p for p in wanted if p.axis not in CATALOGUE[p.effect].gauge)
 
@@ -263,17 +263,17 @@ def order_of(p: Parameter) -> int:
     return int(fields[p.field].metadata.get("order", 1))
 
 
-def lacking(cls: type[Effect], carries: Callable[[str], bool]) -> str:
+def lacking_quantity(cls: type[Effect], carries: Callable[[str], bool]) -> str:
     """Return first quantity that an effect needs and a stimulus, a recording or a plan does not have; empty if none."""
     return next((need for need in cls.requires if not carries(need)), "")
 
 
-def follows(cls: type[Effect]) -> str | None:
+def followed_covariate(cls: type[Effect]) -> str | None:
     """Return the covariate that an effect follows: its name, the empty name for any logged one, None for no effect."""
     return next((str(f.default) for f in dataclasses.fields(cls) if f.name == "covariate"), None)
 
 
-def absent(cls: type[Effect], gimbals: Sequence[str] = ()) -> Effect:
+def zero_effect(cls: type[Effect], gimbals: Sequence[str] = ()) -> Effect:
     """Return the effect with every parameter zero, sized for a platform with these gimbals."""
     sizes = {f.name: np.zeros(len(gimbals)) for f in dataclasses.fields(cls) if f.metadata.get("axes") == GIMBALS}
     return cls(**sizes)
@@ -310,7 +310,7 @@ def with_values(
     changes: dict[str, dict[str, Any]] = {}
     for p, value in zip(wanted, x, strict=True):
         if p.effect not in by_id:
-            by_id[p.effect] = absent(CATALOGUE[p.effect], gimbals)
+            by_id[p.effect] = zero_effect(CATALOGUE[p.effect], gimbals)
         present = by_id[p.effect]
         fields = changes.setdefault(p.effect, {})
         if p.field not in fields:

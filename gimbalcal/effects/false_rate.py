@@ -15,12 +15,12 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import SOLAR_RATE
-from gimbalcal.effects.accelerometer import across
+from gimbalcal.effects.accelerometer import cross_forces
 from gimbalcal.effects.effect import Stimulus
 from gimbalcal.number import Array, apply_matrix, cos, sin
 
 
-def constant(epsilon: Array, s: Stimulus) -> Array:
+def constant_rate(epsilon: Array, s: Stimulus) -> Array:
     """Return the bias: epsilon (3,) [rad/s]."""
     return np.asarray(epsilon + 0 * s.rate)
 
@@ -32,7 +32,7 @@ def by_force(G: Array, s: Stimulus) -> Array:
 
 def by_force_products(E: Array, s: Stimulus) -> Array:
     """Return the rate of a suspension of unequal compliance: E_i f_j f_k, E (3,) [rad/s per (m/s^2)^2]."""
-    fj, fk = across(s.force)
+    fj, fk = cross_forces(s.force)
     return np.asarray(E * fj * fk)
 
 

@@ -75,10 +75,10 @@ def grid(f: Constant, s: Stimulus) -> Array:
         return (
             every if len(every) <= MAX_ORDERS_TRIED else np.unique(np.round(np.geomspace(low, high, STARTING_VALUES)))
         )
-    return between(f, low, high, STARTING_VALUES)
+    return values_between(f, low, high, STARTING_VALUES)
 
 
-def between(f: Constant, low: float, high: float, count: int) -> Array:
+def values_between(f: Constant, low: float, high: float, count: int) -> Array:
     """Return `count` values from `low` to `high`: even steps, logarithmic for a time constant or a positive value."""
     if low == high:
         return np.array([low])
@@ -103,10 +103,10 @@ def highest_order(s: Stimulus) -> float:
     with M the first order at which all settings of a gimbal coincide again: three where all stand on multiples of 45
     degrees. Settings that stand on no common step, as stars do, tell every order.
     """
-    return max((_aliases(angle) for angle in s.readout.T), default=0.0)
+    return max((highest_resolved_order(angle) for angle in s.readout.T), default=0.0)
 
 
-def _aliases(angle: Array) -> float:
+def highest_resolved_order(angle: Array) -> float:
     """Return the highest order that the settings `angle` (n,) of a gimbal resolve, by their spectrum; 0 for one."""
     occupied = np.zeros(PLACES_OF_A_TURN)
     occupied[
@@ -120,7 +120,7 @@ def _aliases(angle: Array) -> float:
     return float(np.ceil((resolved_orders[0] + aliased[0]) / 2) - 1) if len(aliased) else PLACES_OF_A_TURN / 8
 
 
-def resolved(f: Constant, s: Stimulus) -> Array:
+def resolved_numbers(f: Constant, s: Stimulus) -> Array:
     r"""Return every whole number that a recording distinguishes, for a scan: in steps of a third of a line or more.
 
     .. math:: \Delta m = \frac{2 \pi}{3 R}, \qquad m < \pi / \Delta\theta

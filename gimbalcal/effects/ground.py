@@ -28,7 +28,7 @@ M2_PERIOD = 12.4206012 * HOUR  # principal lunar semidiurnal tide, IERS Conventi
 TILT = ("north", "east")
 
 
-def level(north: Array, east: Array, down: Array) -> Array:
+def level_vector(north: Array, east: Array, down: Array) -> Array:
     """Return components about north, east, down joined to (n, 3)."""
     return np.stack([np.asarray(north), np.asarray(east), np.asarray(down)], axis=-1)
 
@@ -79,7 +79,7 @@ class BaseTiltDrift(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the rotation about north, east, down [rad], (n, 3)."""
-        return level(self.psi[0] * s.time, self.psi[1] * s.time, 0 * s.time)
+        return level_vector(self.psi[0] * s.time, self.psi[1] * s.time, 0 * s.time)
 
 
 @effect
@@ -105,7 +105,7 @@ class BaseTiltDiurnal(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Return the rotation about north, east, down [rad], (n, 3)."""
         S, C = sin(SOLAR_RATE * s.time), cos(SOLAR_RATE * s.time)
-        return level(self.A[0] * S + self.B[0] * C, self.A[1] * S + self.B[1] * C, 0 * s.time)
+        return level_vector(self.A[0] * S + self.B[0] * C, self.A[1] * S + self.B[1] * C, 0 * s.time)
 
 
 @effect
@@ -132,7 +132,7 @@ class PlumbLineTide(Effect):
         """Return what is added to gravity in north, east, down [m/s^2], (n, 3)."""
         S, C = sin(2 * pi / self.period * s.time), cos(2 * pi / self.period * s.time)
         north, east = (s.gravity * (self.A[i] * S + self.B[i] * C) for i in (0, 1))
-        return level(north, east, 0 * s.time)
+        return level_vector(north, east, 0 * s.time)
 
 
 @effect
@@ -157,7 +157,7 @@ class GravityTide(Effect):
     def contribution(self, s: Stimulus) -> Array:
         """Return what is added to gravity in north, east, down [m/s^2], (n, 3)."""
         S, C = sin(2 * pi / self.period * s.time), cos(2 * pi / self.period * s.time)
-        return level(0 * s.time, 0 * s.time, self.A * S + self.B * C)
+        return level_vector(0 * s.time, 0 * s.time, self.A * S + self.B * C)
 
 
 @effect
@@ -178,7 +178,7 @@ class GravityError(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return what is added to gravity in north, east, down [m/s^2], (n, 3)."""
-        return level(0 * s.time, 0 * s.time, self.gamma * s.gravity + 0 * s.time)
+        return level_vector(0 * s.time, 0 * s.time, self.gamma * s.gravity + 0 * s.time)
 
 
 @effect
@@ -199,7 +199,7 @@ class VerticalDeflection(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return what is added to gravity in north, east, down [m/s^2], (n, 3)."""
-        return level(s.gravity * self.xi[0] + 0 * s.time, s.gravity * self.xi[1] + 0 * s.time, 0 * s.time)
+        return level_vector(s.gravity * self.xi[0] + 0 * s.time, s.gravity * self.xi[1] + 0 * s.time, 0 * s.time)
 
 
 @effect

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.effects import false_rate
-from gimbalcal.effects.accelerometer import angles_of, lean, leaning
+from gimbalcal.effects.accelerometer import angles_of, misalignment_error, misalignment_matrix
 from gimbalcal.effects.effect import (
     MATRIX_AXES,
     MISALIGNMENT_AXES,
@@ -39,7 +39,7 @@ class GyroscopeEffect(Effect):
 
 def rate_matrix(s: Array, beta: Array) -> Array:
     """Return M = SF^-1 C_p^g (3, 3) of a triad that reads M omega; s (3,) scale factors less one, beta (6,) angles."""
-    return np.asarray((np.eye(3) + leaning(beta)) / (1 + s)[:, None])
+    return np.asarray((np.eye(3) + misalignment_matrix(beta)) / (1 + s)[:, None])
 
 
 def of_rate_matrix(M: Array) -> tuple[Array, Array]:
@@ -65,7 +65,7 @@ class GyroBias(GyroscopeEffect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the rate added [rad/s], (n, 3)."""
-        return false_rate.constant(self.epsilon, s)
+        return false_rate.constant_rate(self.epsilon, s)
 
 
 @effect
@@ -134,7 +134,7 @@ class GyroMisalignment(GyroscopeEffect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the rate added [rad/s], (n, 3)."""
-        return lean(self.beta, s.rate)
+        return misalignment_error(self.beta, s.rate)
 
 
 @effect

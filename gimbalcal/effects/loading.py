@@ -28,10 +28,10 @@ from gimbalcal.effects.effect import (
     Effect,
     Stage,
     Stimulus,
-    absent,
     constants,
     parameters,
     with_values,
+    zero_effect,
 )
 from gimbalcal.effects.grids import range_beyond
 from gimbalcal.entries import Entry
@@ -73,7 +73,7 @@ def load_text(name: str, text: str) -> tuple[str, ...]:
         return ids
     replaced = {i: CATALOGUE.pop(i) for i in ids if i in CATALOGUE}  # what its earlier text defined
     try:
-        new = _entered(name, lambda: _run(name, text))
+        new = enter_effects(name, lambda: _run(name, text))
     except InputError:
         CATALOGUE.update(replaced)
         raise
@@ -104,7 +104,7 @@ def loaded_texts() -> tuple[tuple[str, str], ...]:
 def load_installed() -> None:
     """Import every module that an installed package names under the entry points `gimbalcal.effects`."""
     for point in entry_points(group=GROUP):
-        if new := _entered(f"the installed package behind {GROUP} / {point.name}", point.load):
+        if new := enter_effects(f"the installed package behind {GROUP} / {point.name}", point.load):
             file = Path(getattr(sys.modules.get(point.module), "__file__", None) or point.module)
             _installed[str(file)] = file.read_text(encoding="utf-8") if file.is_file() else point.value, new
 
@@ -118,7 +118,7 @@ class EffectFile(Entry):
     effects: tuple[str, ...]
 
 
-def outside(ids: Collection[str] | None = None) -> tuple[EffectFile, ...]:
+def files_outside(ids: Collection[str] | None = None) -> tuple[EffectFile, ...]:
     """Return the files that define effects which are not of this package.
 
     ids: those that are asked for; all that are loaded where none are named.
@@ -131,7 +131,7 @@ def outside(ids: Collection[str] | None = None) -> tuple[EffectFile, ...]:
     return tuple(rows)
 
 
-def _entered(name: str, run: Callable[[], object]) -> tuple[str, ...]:
+def enter_effects(name: str, run: Callable[[], object]) -> tuple[str, ...]:
     """Return the ids that a run adds to the catalogue; none is entered where one breaks the contract."""
     before = set(CATALOGUE)
     broken = ""
@@ -141,7 +141,7 @@ def _entered(name: str, run: Callable[[], object]) -> tuple[str, ...]:
         broken = f"{name}{_line(problem, name)}: {_reason(problem)}"
     new = tuple(i for i in CATALOGUE if i not in before)
     if not broken:
-        refused = ((i, breach(CATALOGUE[i])) for i in new)
+        refused = ((i, contract_breach(CATALOGUE[i])) for i in new)
         broken = next((f"{name}: the effect {i!r} {why}" for i, why in refused if why), "")
     if broken:
         for i in new:
@@ -170,17 +170,17 @@ def _reason(problem: BaseException) -> str:
     return sentence if ours and sentence else f"{type(problem).__name__}: {sentence}".rstrip(": ")
 
 
-def breach(cls: type[Effect]) -> str:
+def contract_breach(cls: type[Effect]) -> str:
     """Return a sentence on what an effect breaks of the contract, to follow its id; empty where it keeps it."""
     try:
-        return _card(cls) or _law(cls)
+        return missing_declaration(cls) or law_breach(cls)
     except InputError as problem:
         return f"cannot be used: {problem}"
     except Exception as problem:  # noqa: BLE001  whatever a user's contribution does
         return f"fails on a recording that has everything: {type(problem).__name__}: {problem}"
 
 
-def _card(cls: type[Effect]) -> str:
+def missing_declaration(cls: type[Effect]) -> str:
     """Return a sentence on what is missing from the declaration of an effect; empty if nothing is."""
     if not str(cls.id).isidentifier():
         return "has an id that is no name; write letters, digits and _"
@@ -198,7 +198,7 @@ def _card(cls: type[Effect]) -> str:
         if not p.sigma > 0:
             return f"has a parameter {p.name} whose sigma (or range) is {p.sigma:g}; it must be above zero"
     for f in constants(cls):
-        default, unit = float(getattr(absent(cls), f.name)), f.metadata["unit"]
+        default, unit = float(getattr(zero_effect(cls), f.name)), f.metadata["unit"]
         if ends := range_beyond(f, default):
             where = f"{from_si(default, unit):g}, outside its range of {' to '.join(ends)} {unit}".rstrip()
             return f"has a constant {f.name} of {where}; its numbers are in SI"
@@ -208,9 +208,9 @@ def _card(cls: type[Effect]) -> str:
     return ""
 
 
-def _law(cls: type[Effect]) -> str:
+def law_breach(cls: type[Effect]) -> str:
     """Return a sentence on the law that a contribution breaks: zero when absent, shape, exact derivative, linearity."""
-    s, effect = example(cls), absent(cls, GIMBALS)
+    s, effect = example_stimulus(cls), zero_effect(cls, GIMBALS)
     n, k = s.readout.shape
     shape = {Stage.ENCODER: (n, k), Stage.AXIS_TILT: (n, k, 3)}.get(cls.stage, (n, 3))
     none = np.asarray(effect.contribution(s))
@@ -284,7 +284,7 @@ def _smooth_constants(sized: Effect, s: Stimulus) -> str:
     return ""
 
 
-def example(cls: type[Effect], n: int = 12) -> Stimulus:
+def example_stimulus(cls: type[Effect], n: int = 12) -> Stimulus:
     """Return a made-up stimulus (n rows, three gimbals) that has everything an effect may ask for."""
     rng = np.random.default_rng(0)
     k, visit = len(GIMBALS), np.arange(n) // 3

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects.accelerometer import across, bend
+from gimbalcal.effects.accelerometer import cross_forces, nonlinearity_error
 from gimbalcal.effects.effect import (
     PARTNER_AXES,
     TRIAD,
@@ -45,7 +45,7 @@ class QuadraticNonlinearity(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the output added [m/s^2]."""
-        return bend(self.K2, s.force)
+        return nonlinearity_error(self.K2, s.force)
 
 
 @effect
@@ -154,7 +154,7 @@ class CrossAxisProduct(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the output added [m/s^2]."""
-        fj, fk = across(s.force)
+        fj, fk = cross_forces(s.force)
         return self.K_po * fj * fk + self.K_pp * fj**2
 
 
@@ -176,7 +176,7 @@ class BlockSag(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the output added [m/s^2]."""
-        fj, fk = across(s.force)
+        fj, fk = cross_forces(s.force)
         return self.c * fj * fk
 
 

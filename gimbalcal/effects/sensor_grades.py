@@ -38,7 +38,7 @@ import numpy as np
 
 from gimbalcal.earth import G0, HOUR
 from gimbalcal.effects.effect import CATALOGUE, GYROSCOPE_STAGES, SENSOR_STAGES, Effect, Parameter
-from gimbalcal.errors import InputError, alternatives
+from gimbalcal.errors import InputError, list_of_alternatives
 from gimbalcal.units import to_si
 
 UG = 1e-6 * G0  # m/s^2
@@ -142,7 +142,7 @@ GRADES: Mapping[str, Grade] = MappingProxyType({
 def grade_named(name: str) -> Grade:
     """Return the grade of this name. Raises InputError, with the names, where there is none."""
     if name not in GRADES:
-        raise InputError(f"no grade is called {name!r}: choose {alternatives(list(GRADES))}")
+        raise InputError(f"no grade is called {name!r}: choose {list_of_alternatives(list(GRADES))}")
     return GRADES[name]
 
 

@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 
 from gimbalcal.earth import G0, HOUR
-from gimbalcal.effects.accelerometer import lean
+from gimbalcal.effects.accelerometer import misalignment_error
 from gimbalcal.effects.effect import (
     MISALIGNMENT_AXES,
     TRIAD,
@@ -20,7 +20,7 @@ from gimbalcal.effects.effect import (
     effect,
     parameter,
 )
-from gimbalcal.effects.history import Dynamics, late, smoothed_rate
+from gimbalcal.effects.history import Dynamics, lagged_states, smoothed_rate
 from gimbalcal.number import Array, cos, exp
 
 
@@ -90,7 +90,7 @@ class MisalignmentTemperature(Effect):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the force added along the input axes [m/s^2]."""
-        return lean(self.mu_T, s.force) * s.temperature_excess()[..., None]
+        return misalignment_error(self.mu_T, s.force) * s.temperature_excess()[..., None]
 
 
 @effect
@@ -114,7 +114,7 @@ class BiasTemperatureLagged(Effect):
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the temperature that the sensor has by now."""
-        return late(s.temperature_excess()[:, None], self.tau, self.b_L)
+        return lagged_states(s.temperature_excess()[:, None], self.tau, self.b_L)
 
 
 @effect
@@ -281,4 +281,4 @@ class SelfHeating(Effect):
 
     def dynamics(self, s: Stimulus) -> Dynamics:
         """Return the temperature of each sensor, in units of what 1 g makes of it."""
-        return late((s.force / G0) ** 2, self.tau, self.H)
+        return lagged_states((s.force / G0) ** 2, self.tau, self.H)

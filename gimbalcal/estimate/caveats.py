@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.fit_summary import excess_in_words, larger_noise_in_words, outliers_in_words
-from gimbalcal.estimate.accelerometers.multiposition import multiposition, scatter_in_words, unknowns
+from gimbalcal.estimate.accelerometers.multiposition import multiposition, parameters_of_terms, scatter_in_words
 from gimbalcal.estimate.accelerometers.position_fit import Positions
 from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
-from gimbalcal.estimate.static_run.system import static, static_readings
+from gimbalcal.estimate.static_run.system import calibrate_static_run, static_readings
 from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.unit import with_gyroscopes
 from gimbalcal.recording import Recording
@@ -33,19 +33,21 @@ def caveats(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
     usual = not baseline or set(baseline) == set(BASELINE.get(recording.kind, ()))
     out = []
     if recording.kind.stabilised and usual:
-        out += _reported(lambda: list(filter(None, [static(static_readings(recording)).outcome.partition(", so ")[0]])))
+        out += caveats_of_estimator(
+            lambda: list(filter(None, [calibrate_static_run(static_readings(recording)).outcome.partition(", so ")[0]]))
+        )
     if turned_in_place(recording) and usual:
-        out += _reported(lambda: list(filter(None, [systematic(recording, "30").outcome.partition(";")[0]])))
+        out += caveats_of_estimator(lambda: list(filter(None, [systematic(recording, "30").outcome.partition(";")[0]])))
     if not recording.kind.in_positions or recording.position is None or not recording.has(FORCE):
         return out
     if recording.has("gimbal_angle"):
-        out += _reported(lambda: _of_positions(trusted_positions(recording))) if usual else []
+        out += caveats_of_estimator(lambda: _of_positions(trusted_positions(recording))) if usual else []
     mine, gyro = by_triad(baseline)
     if recording.has("gimbal_angle") and not recording.has(RATE):
         return out
     if mine or not baseline:
         terms = () if recording.has("gimbal_angle") else tuple(mine)
-        out += _reported(lambda: _of_unit(recording, terms, bool(gyro) or not baseline))
+        out += caveats_of_estimator(lambda: _of_unit(recording, terms, bool(gyro) or not baseline))
     return out
 
 
@@ -63,10 +65,10 @@ def too_few_attitudes(recordings: Sequence[Recording], baseline: Sequence[str] =
     except InputError:  # counts whose scale no attitude shows
         return ""
     force = np.concatenate([v.source.triad(FORCE) for v in views])
-    constants, different = len(unknowns(views[0].baseline)), attitudes(force)
+    constants, different = len(parameters_of_terms(views[0].baseline)), attitudes(force)
     return (
-        f"{amount(len(force), 'position')} in {amount(different, 'attitude')} are no more than the "
-        f"{amount(constants, 'constant')} of the model, which fit whatever the sensors do"
+        f"{number_of(len(force), 'position')} in {number_of(different, 'attitude')} are no more than the "
+        f"{number_of(constants, 'constant')} of the model, which fit whatever the sensors do"
         if different <= constants
         else ""
     )
@@ -76,11 +78,11 @@ def input_errors(recording: Recording) -> list[str]:
     """Return the likeliest input error by the calibration of a unit turned in its place, where it names one."""
     if not turned_in_place(recording):
         return []
-    slips = _reported(lambda: [systematic(recording, "30").outcome.partition("; ")[2]])
+    slips = caveats_of_estimator(lambda: [systematic(recording, "30").outcome.partition("; ")[2]])
     return [slip for slip in slips if slip and "`gimbalcal diagnose`" not in slip]
 
 
-def _reported(ask: Callable[[], list[str]]) -> list[str]:
+def caveats_of_estimator(ask: Callable[[], list[str]]) -> list[str]:
     """Return what an estimator reports; nothing where it does not take the recording."""
     try:
         return ask()
@@ -100,10 +102,10 @@ def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[s
     times, excess = calibration.provenance.options.excess_over_noise, calibration.provenance.options.excess_scatter
     forces = scatter_in_words(recording.noise, excess, excess / times) if times and excess and times > 0 else ""
     alone = replace(calibration, outcome="")
-    gyroscopes = _reported(lambda: [with_gyroscopes(recording, alone).outcome]) if both else []
+    gyroscopes = caveats_of_estimator(lambda: [with_gyroscopes(recording, alone).outcome]) if both else []
     return list(filter(None, [forces, *gyroscopes]))
 
 
 def misheld_positions(recording: Recording) -> tuple[str, ...]:
     """Return sentences on positions that were not held where the readouts say, which is a fault and no physics."""
-    return tuple(_reported(lambda: [f.in_words for f in trusted_positions(recording).faults]))
+    return tuple(caveats_of_estimator(lambda: [f.in_words for f in trusted_positions(recording).faults]))

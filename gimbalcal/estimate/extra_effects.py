@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, absent, known_effect, parameters
-from gimbalcal.effects.effect import Grid, constants, follows
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, known_effect, parameters, zero_effect
+from gimbalcal.effects.effect import Grid, constants, followed_covariate
 from gimbalcal.effects.grids import Constant, grid, kind, limits, range_beyond
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
@@ -41,12 +41,14 @@ class ExtraEffect:
     def parameters(self, gimbals: Sequence[str]) -> tuple[Parameter, ...]:
         """Its linear parameters on a platform with these gimbals, under a wide prior."""
         every = parameters(CATALOGUE[self.effect], gimbals)
-        return tuple(replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in every if not self.axes or _belongs(p, self.axes))
+        return tuple(
+            replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in every if not self.axes or is_of_axes(p, self.axes)
+        )
 
     def absent(self, gimbals: Sequence[str], values: Mapping[str, float]) -> Effect:
         """The effect with zero parameters and these constants."""
         named: dict[str, Any] = {**values, **({"covariate": self.covariate} if self.covariate else {})}
-        return replace(absent(CATALOGUE[self.effect], gimbals), **named)
+        return replace(zero_effect(CATALOGUE[self.effect], gimbals), **named)
 
     @property
     def free(self) -> tuple[Constant, ...]:
@@ -68,7 +70,7 @@ def extra_effects(
         if bad := next((s for s in settings if "=" not in s), ""):
             raise InputError(f"--with {word}: {bad!r} is no CONSTANT=VALUE; write EFFECT[:AXIS][,CONSTANT=VALUE]")
         stated = {constant.strip(): value for constant, _, value in (s.partition("=") for s in settings)}
-        extra = _one(word, effect, axis, stated, recordings, held)
+        extra = extra_effect(word, effect, axis, stated, recordings, held)
         before = out.get(effect)
         if before is not None:
             axes = (*before.axes, *extra.axes) if before.axes and extra.axes else ()
@@ -77,7 +79,7 @@ def extra_effects(
     return tuple(out.values())
 
 
-def _one(
+def extra_effect(
     said: str, effect: str, axis: str, settings: Mapping[str, str], recordings: Sequence[Recording], held: Sequence[str]
 ) -> ExtraEffect:
     cls = known_effect(effect, f"--with {said}")
@@ -93,8 +95,8 @@ def _one(
     extra = ExtraEffect(
         effect,
         (axis,) if axis else (),
-        _stated(said, cls, settings),
-        _followed(said, cls, [a for r in recordings for a in r.axes("covariate")]),
+        stated_constants(said, cls, settings),
+        logged_covariate(said, cls, [a for r in recordings for a in r.axes("covariate")]),
     )
     if not extra.parameters(gimbals):
         axes = ", ".join(dict.fromkeys(p.axis for p in every if p.axis)) or "no axes"
@@ -102,7 +104,7 @@ def _one(
     return extra
 
 
-def _stated(said: str, cls: type[Effect], settings: Mapping[str, str]) -> tuple[tuple[str, float], ...]:
+def stated_constants(said: str, cls: type[Effect], settings: Mapping[str, str]) -> tuple[tuple[str, float], ...]:
     known = {f.name: f for f in constants(cls)}
     out = []
     for name, text in settings.items():
@@ -120,9 +122,9 @@ def _stated(said: str, cls: type[Effect], settings: Mapping[str, str]) -> tuple[
     return tuple(out)
 
 
-def _followed(said: str, cls: type[Effect], logged: Sequence[str]) -> str:
+def logged_covariate(said: str, cls: type[Effect], logged: Sequence[str]) -> str:
     """The one covariate that was logged, for an effect that follows any of them."""
-    if follows(cls) != "":
+    if followed_covariate(cls) != "":
         return ""
     logs = list(dict.fromkeys(logged))
     if len(logs) != 1:
@@ -130,7 +132,7 @@ def _followed(said: str, cls: type[Effect], logged: Sequence[str]) -> str:
     return logs[0]
 
 
-def _belongs(p: Parameter, axes: Sequence[str]) -> bool:
+def is_of_axes(p: Parameter, axes: Sequence[str]) -> bool:
     """Return whether a parameter is of one of these axes: "xy" is x's, "equatorial_x" is equatorial."""
     pair = len(p.axis) == 2 and set(p.axis) <= set("xyz")
     return any(a in (p.axis, p.axis[0] if pair else p.axis.rpartition("_")[0] or p.axis) for a in axes)

@@ -169,7 +169,7 @@ class ViewsFit:
         wanted, x = self.solution.parameters, self.solution.x
         return tuple(
             _of_view(v, self.effects, wanted, x, own, e)[2].reshape(len(v), -1)
-            for v, own, e in zip(self.views, _own(self.views, wanted), self.local, strict=True)
+            for v, own, e in zip(self.views, nuisance_ordinals(self.views, wanted), self.local, strict=True)
         )
 
     @property
@@ -190,7 +190,10 @@ class ViewsFit:
 
     def rows_by(self, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
         """Return Jacobian (q, p) by any parameters and misfit (q,) of all rows about x (p,), in units of noise."""
-        linear, sigma = _about(self.views, self.effects, wanted, x, self.local), _row_sigma(self.views, self.excesses)
+        linear, sigma = (
+            rows_about(self.views, self.effects, wanted, x, self.local),
+            _row_sigma(self.views, self.excesses),
+        )
         return linear.J / sigma[:, None], linear.r / sigma
 
     def with_fixed_nuisances(self, views: Sequence[View]) -> ViewsFit:
@@ -212,7 +215,7 @@ class ViewsFit:
     @property
     def determined(self) -> bool:
         """Return whether rows determine every parameter, nuisances included, far above rounding."""
-        return independent(self.whitened[0])
+        return columns_are_independent(self.whitened[0])
 
     @property
     def condition(self) -> float:
@@ -227,8 +230,12 @@ class ViewsFit:
         if not self.excess > 0:
             return np.inf
         rows = np.concatenate([self.whitened[0], _prior_rows(self.solution.parameters)[0]])
-        ordinal, _ = _scales(self.views)
-        return float(_dof(orthonormal_columns(rows, MIN_RELATIVE_SIGNAL)[: len(ordinal)], ordinal, ordinal >= 0).min())
+        ordinal, _ = scale_ordinals(self.views)
+        return float(
+            scale_degrees_of_freedom(
+                orthonormal_columns(rows, MIN_RELATIVE_SIGNAL)[: len(ordinal)], ordinal, ordinal >= 0
+            ).min()
+        )
 
     @cached_property
     def left_out(self) -> tuple[tuple[Array, ...], Array]:
@@ -264,12 +271,14 @@ class ViewsFit:
     def cost_of_sizes(self, sizes: Sequence[Parameter]) -> Cost:
         """Return chi^2, linear about the fit, by absent effects whose `sizes` are free beside what was fitted."""
         wanted, x, sigma = self.solution.parameters, self.solution.x, _row_sigma(self.views, self.excesses)
-        linear = _about(self.views, self.effects, wanted, x, self.local)
+        linear = rows_about(self.views, self.effects, wanted, x, self.local)
         J = linear.J / sigma[:, None]
         y = linear.r / sigma + J @ x
 
         def cost(absent: Sequence[Effect]) -> float:
-            parts = [p.whitened(columns_of_sizes(p.rows, _acting(p.view, absent), sizes))[0] for p in linear.parts]
+            parts = [
+                p.whitened(columns_of_sizes(p.rows, acting_effects(p.view, absent), sizes))[0] for p in linear.parts
+            ]
             X = np.concatenate([J, np.concatenate(parts) / sigma[:, None]], axis=1)
             return solve(information(X, y, (*wanted, *sizes)), self.min_signal).chi2
 
@@ -302,7 +311,7 @@ def fit(
     zero).
     """
     names = views[0].stimulus.axis_names
-    ordinal, of_views = _scales(views)
+    ordinal, of_views = scale_ordinals(views)
     nuisances = [replace(q, index=i) for i, q in enumerate(q for v in views for q in v.nuisances)]  # each is another
     every = (*wanted, *nuisances)
     priors, scale = _prior_rows(every)
@@ -310,7 +319,7 @@ def fit(
     bounds = range_of_constants(wanted, *(v.stimulus for v in views))
     if bounds is not None:
         bounds = np.concatenate([bounds, np.tile([[-np.inf], [np.inf]], len(nuisances))], axis=1)
-    known, shape = (np.concatenate(part) for part in zip(*map(_variances, views), strict=True))
+    known, shape = (np.concatenate(part) for part in zip(*map(row_variances, views), strict=True))
     has_local = any(v.local is not None for v in views)
     last: dict[bytes, _Linear] = {}
 
@@ -322,7 +331,7 @@ def fit(
         if x.tobytes() not in last:
             e = next(iter(last.values())).local_at(x) if last else start_local
             last.clear()
-            last[x.tobytes()] = _about(views, effects_at(x), every, x, e)
+            last[x.tobytes()] = rows_about(views, effects_at(x), every, x, e)
         linear, sigma = last[x.tobytes()], np.sqrt(known + shape * excess[ordinal] ** 2)
         return np.concatenate([linear.J / sigma[:, None], priors]), np.concatenate([linear.r / sigma, -priors @ x])
 
@@ -347,7 +356,7 @@ def fit(
         J, r = rows(x)
         Q, out = orthonormal_columns(J, MIN_RELATIVE_SIGNAL), excess.copy()
         e = (r - Q @ (Q.T @ r))[: len(known)]
-        free, w = _dof(Q[: len(known)], ordinal, shape > 0), np.where(shape > 0, shape, 1.0)
+        free, w = scale_degrees_of_freedom(Q[: len(known)], ordinal, shape > 0), np.where(shape > 0, shape, 1.0)
         for k, nu in enumerate(free):
             of = (ordinal == k) & (shape > 0)
             if excess[k] > 0 or e[of] @ e[of] > nu + significance * np.sqrt(2 * nu):
@@ -356,7 +365,7 @@ def fit(
         return out
 
     x = start if start is not None else np.append(values(absent, wanted), np.zeros(len(nuisances)))
-    start_local = [v.local.start(v, _acting(v, effects_at(x))) if v.local else NONE for v in views]
+    start_local = [v.local.start(v, acting_effects(v, effects_at(x))) if v.local else NONE for v in views]
     excess = np.array([float(not known[ordinal == k].all()) for k in range(ordinal.max() + 1)])
     if np.any(excess > 0):
         excess = widened(x)
@@ -374,7 +383,7 @@ def fit(
     return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, steps, min_signal, local)
 
 
-def independent(J: Array) -> bool:
+def columns_are_independent(J: Array) -> bool:
     """Return whether no combination of columns (q, p), each of length one, vanishes but for rounding."""
     size = np.linalg.norm(J, axis=0)
     if len(J) < len(size) or np.any(size == 0):
@@ -387,7 +396,7 @@ def information_of(
 ) -> Information:
     """Return the information of views of stated noise about the wanted parameters, linearised at effects."""
     x = values(effects, wanted)
-    linear, sigma = _about(views, effects, wanted, x, local), _row_sigma(views)
+    linear, sigma = rows_about(views, effects, wanted, x, local), _row_sigma(views)
     J, r = linear.J / sigma[:, None], linear.r / sigma
     info = information(J, r + J @ x, wanted)
     return replace(info, count=info.count - linear.dependent)
@@ -447,12 +456,12 @@ class _Linear:
 NONE = np.zeros((0, 0))
 
 
-def _about(
+def rows_about(
     views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, local: Sequence[Array] = ()
 ) -> _Linear:
     """Return the rows of views about parameters and nuisances x (p,), and local parameters (m, k); none: zero."""
     J, r, parts = [], [], []
-    for v, own, e in zip(views, _own(views, wanted), local or [NONE] * len(views), strict=True):
+    for v, own, e in zip(views, nuisance_ordinals(views, wanted), local or [NONE] * len(views), strict=True):
         rows, columns, misfit = _of_view(v, effects, wanted, x, own, e)
         part = _Part(v, rows, e if v.local is None or e.size else v.local.zero_values)
         own_columns, groups = part.whitened(columns)
@@ -462,13 +471,13 @@ def _about(
     return _Linear(x, np.concatenate(J), np.concatenate(r), tuple(parts))
 
 
-def _own(views: Sequence[View], wanted: Sequence[Parameter]) -> list[slice]:
+def nuisance_ordinals(views: Sequence[View], wanted: Sequence[Parameter]) -> list[slice]:
     """Return where the nuisances of each view are among the parameters, behind those of effects."""
     ends = np.cumsum([sum(bool(q.effect) for q in wanted), *(len(v.nuisances) for v in views)])
     return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
 
 
-def _acting(v: View, effects: Sequence[Effect]) -> Sequence[Effect]:
+def acting_effects(v: View, effects: Sequence[Effect]) -> Sequence[Effect]:
     """Return the effects that act in the rows of a view."""
     return effects if v.acting is None else [e for e in effects if e.id in v.acting]
 
@@ -477,7 +486,7 @@ def _of_view(
     v: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, own: slice, e: Array
 ) -> tuple[Rows, Array, Array]:
     """Return the rows of one view about its effects, the columns (n, C, p) of all parameters, and the misfit (n, C)."""
-    view, acting = v if v.about is None else v.about(x[own]), _acting(v, effects)
+    view, acting = v if v.about is None else v.about(x[own]), acting_effects(v, effects)
     rows = v.local.evaluate(acting, e) if v.local is not None and e.size else view.evaluate(acting)
     at = [i for i, q in enumerate(wanted) if q.effect and (v.acting is None or q.effect in v.acting)]
     columns, misfit = np.zeros((*rows.residual.shape, len(wanted))), rows.residual
@@ -488,7 +497,7 @@ def _of_view(
     return rows, columns, misfit
 
 
-def _variances(v: View) -> tuple[Array, Array]:
+def row_variances(v: View) -> tuple[Array, Array]:
     """Known variance (q,) of the rows, and the shape of what is added to it; of whitened rows one and nothing."""
     if v.local is not None:
         groups = v.local.group[-1] + 1
@@ -500,7 +509,7 @@ def _variances(v: View) -> tuple[Array, Array]:
 
 def _row_sigma(views: Sequence[View], excesses: Sequence[Array] | None = None) -> Array:
     """Return one sigma (q,) of all rows, those that are whitened one; excesses: none of a stated noise."""
-    parts = map(_variances, views)
+    parts = map(row_variances, views)
     each = [np.zeros(1)] * len(views) if excesses is None else excesses
     return np.sqrt(
         np.concatenate([known + w * np.resize(e, len(known)) ** 2 for (known, w), e in zip(parts, each, strict=True)])
@@ -515,17 +524,19 @@ def _prior_rows(every: Sequence[Parameter]) -> tuple[Array, Array]:
     return (np.eye(len(every)) / scale)[known], scale
 
 
-def _scales(views: Sequence[View]) -> tuple[NDArray[np.int64], list[NDArray[np.int64]]]:
+def scale_ordinals(views: Sequence[View]) -> tuple[NDArray[np.int64], list[NDArray[np.int64]]]:
     """Return the ordinal of the scale of each row of views, and those of the channels, (1,) or (C,), of each view."""
     ordinals: dict[str, NDArray[np.int64]] = {}
     for v in views:
         new = np.arange(len(v.channels) if v.noise.of_each_channel else 1) + sum(map(len, ordinals.values()))
         ordinals.setdefault(v.name, new)
     of_views = [ordinals[v.name] for v in views]
-    return np.concatenate([np.resize(k, len(_variances(v)[0])) for k, v in zip(of_views, views, strict=True)]), of_views
+    return np.concatenate(
+        [np.resize(k, len(row_variances(v)[0])) for k, v in zip(of_views, views, strict=True)]
+    ), of_views
 
 
-def _dof(Q: Array, ordinal: NDArray[np.int64], rows: NDArray[np.bool_]) -> Array:
+def scale_degrees_of_freedom(Q: Array, ordinal: NDArray[np.int64], rows: NDArray[np.bool_]) -> Array:
     """Return the degrees of freedom that a basis Q (q, rank) leaves of those rows of each scale that are named."""
     leverage_free = np.maximum(1 - (Q**2).sum(axis=1), 0.0)  # of a row that is fitted alone, rounding may leave less
     return np.bincount(ordinal[rows], leverage_free[rows], minlength=ordinal.max(initial=-1) + 1)

@@ -91,7 +91,9 @@ class Agreement:
     p_value: float
 
 
-def agreement(shared: Solution, alone: Sequence[Solution], variance: float = 1.0, dof: float = np.inf) -> Agreement:
+def agreement_test(
+    shared: Solution, alone: Sequence[Solution], variance: float = 1.0, dof: float = np.inf
+) -> Agreement:
     """Test whether recordings agree; variance: factor of their stated noise, estimated from `dof` (inf: known)."""
     rise = max(shared.chi2 - sum(s.chi2 for s in alone), 0.0)
     rise = rise / variance if variance > 0 else 0.0
@@ -130,7 +132,7 @@ class Comparison:
         return Session(self.title, self.in_words, nan if self.obstacle else self.p_value, rests, stops)
 
 
-def disagreeing(comparisons: Sequence[Comparison]) -> list[int]:
+def disagreeing_recordings(comparisons: Sequence[Comparison]) -> list[int]:
     """Return the ordinals of recordings that do not agree; of two, one is as far off as the other."""
     off = [k for k, c in enumerate(comparisons) if not c.agrees]
     return off[:1] if len(comparisons) == 2 else off

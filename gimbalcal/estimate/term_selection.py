@@ -27,7 +27,7 @@ TRIADS = 2  # accelerometers and gyroscopes share it
 MAX_SCATTER_RATIO = 5.0
 
 
-def needed(tried: int, dof: float) -> float:
+def needed_significance(tried: int, dof: float) -> float:
     """Sigmas t that the largest of `tried` further coefficients must exceed, see above; dof is inf for a known noise.
 
     >>> round(needed(6, np.inf), 2), round(needed(15, 30), 2)
@@ -38,7 +38,7 @@ def needed(tried: int, dof: float) -> float:
     return -float(stdtrit(max(dof, 1), FALSE_TERM_RATE / TRIADS / (2 * max(tried, 1))))
 
 
-def coefficients(terms: Sequence[str]) -> int:
+def number_of_coefficients(terms: Sequence[str]) -> int:
     """Return the number of coefficients of these terms."""
     return sum(len(parameters(CATALOGUE[i])) for i in terms)
 
@@ -46,7 +46,7 @@ def coefficients(terms: Sequence[str]) -> int:
 Fits = list[tuple[tuple[str, ...], ViewsFit]]
 
 
-def selected(
+def select_terms(
     base: tuple[str, ...], first: ViewsFit, further: Sequence[str],
     attempt: Callable[[tuple[str, ...], ViewsFit], ViewsFit | str],
 ) -> tuple[Fits, dict[str, str]]:  # fmt: skip
@@ -69,14 +69,14 @@ def selected(
     return fits, declined
 
 
-def refusal(
+def refusal_sentence(
     term: str, data: str, without: ViewsFit, fit: ViewsFit, unit: str, clear_of: float, sigma: Array | None = None,
     left_out: Callable[[ViewsFit], float] = lambda fit: fit.left_out_rms,
 ) -> str:  # fmt: skip
     """Explain in a sentence why `data` ("38 positions") do not support `term`; empty where they do.
 
-    fit: with the term; clear_of: sigmas that its largest coefficient must exceed (`needed`), sigma (p,) those of the
-    fit unless given; left_out: rms misfit [unit] of rows that took no part.
+    fit: with it; clear_of: sigmas that its largest coefficient must exceed (`needed_significance`), sigma (p,) those
+    of the fit unless given; left_out: rms misfit [unit] of rows that took no part.
     """
     sigma, rms = fit.sigmas if sigma is None else sigma, (left_out(without), left_out(fit))
     mine = [i for i, q in enumerate(fit.parameters) if q.effect == term]

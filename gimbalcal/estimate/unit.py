@@ -18,11 +18,11 @@ from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.fit_summary import joined
+from gimbalcal.estimate.accelerometers.fit_summary import joined_sentences
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
 from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers, norm_outliers_in_words
 from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
-from gimbalcal.estimate.grade import graded
+from gimbalcal.estimate.grade import grade_of_unit
 from gimbalcal.estimate.gyroscopes.between_rests import gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.revolutions import (
     EFFECTS,
@@ -30,7 +30,7 @@ from gimbalcal.estimate.gyroscopes.revolutions import (
     in_accelerometer_frame,
     rotation_between_triads,
 )
-from gimbalcal.estimate.sharing import Comparison, Scope, compare_calibrations, disagreeing, scope_of
+from gimbalcal.estimate.sharing import Comparison, Scope, compare_calibrations, disagreeing_recordings, scope_of
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.method_table import Request
 from gimbalcal.recording import Recording, completed, dwells, join
@@ -64,12 +64,12 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     except InputError as problem:
         if of_rate or turning:
             raise
-        outcome = joined([calibration.outcome, f"the gyroscopes are not calibrated: {problem}"])
+        outcome = joined_sentences([calibration.outcome, f"the gyroscopes are not calibrated: {problem}"])
         provenance = calibration.provenance.with_options(gyroscopes=str(problem))
         calibration = replace(calibration, outcome=outcome, provenance=provenance)
     return replace(
         calibration,
-        outcome=joined([*norm_outliers_in_words(odd), calibration.outcome]),
+        outcome=joined_sentences([*norm_outliers_in_words(odd), calibration.outcome]),
         provenance=calibration.provenance.with_options(left_out=tuple(s.position for s in odd) or None),
     )
 
@@ -98,7 +98,7 @@ def with_gyroscopes(
         residual=replace(accelerometers.residual, rms={**accelerometers.residual.rms, **g.residual.rms}),
         provenance=accelerometers.provenance.with_options(gyro=g.provenance.options),
         stages=(*accelerometers.stages, *g.stages),
-        outcome=joined([accelerometers.outcome, g.outcome]),
+        outcome=joined_sentences([accelerometers.outcome, g.outcome]),
         readout=replace(accelerometers.readout, gyroscopes=g.readout.gyroscopes),
     )
 
@@ -121,7 +121,7 @@ def _from_revolutions(recording: Recording, accelerometers: Calibration, terms: 
 def calibrate_at_rest(request: Request) -> Calibration:
     """Calibrate a unit that is turned from rest to rest, from one recording or several sessions."""
     request.progress("norm of the force at every position, and the gyroscopes where they were logged on the way")
-    recordings = graded(request.recordings).of(request.recordings)
+    recordings = grade_of_unit(request.recordings).of(request.recordings)
     more = extra_effects(request.more, recordings, (*LINEAR, *GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS))
     if len(recordings) == 1:
         return inertial_unit(recordings[0], request.terms, more)
@@ -162,14 +162,14 @@ def unit_of_sessions(
     entries = tuple(c.session(rests=len(dwells(r))) for c, r in zip(compared, sessions, strict=True))
     return replace(
         calibration,
-        outcome=joined([_outcome(compared), calibration.outcome]),
+        outcome=joined_sentences([_outcome(compared), calibration.outcome]),
         provenance=calibration.provenance.with_options(sessions=entries),
         stages=(*calibration.stages, *stages),
     )
 
 
 def _outcome(compared: Sequence[Comparison]) -> str:
-    off = disagreeing(compared)
+    off = disagreeing_recordings(compared)
     if not off:
         return ""
     words = "; ".join(f"session {k + 1} ({compared[k].title}) {compared[k].in_words}" for k in off)

@@ -8,11 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from gimbalcal import atomic
-from gimbalcal.campaign.workers import TimeLeft, computed, connect, number_of_workers
+from gimbalcal.campaign.workers import TimeLeft, compute_items, connect, number_of_workers
 from gimbalcal.effects.loading import loaded_texts
-from gimbalcal.errors import amount
+from gimbalcal.errors import number_of
 from gimbalcal.fleet.fleet_summary import FleetSummary, fleet_summary
-from gimbalcal.fleet.unit_recording import BATCH, BatchTask, UnitRecording, entries_of, failed, may_pass, recordings_of
+from gimbalcal.fleet.unit_recording import (
+    BATCH,
+    BatchTask,
+    UnitRecording,
+    entries_of,
+    failure_entry,
+    may_pass,
+    recordings_of,
+)
 from gimbalcal.history import FAILURE, StoredResult, keep, kept_entries, refuse_unusable
 from gimbalcal.history.fleet import Fleet, grade_and_fleet
 from gimbalcal.progress import Progress, no_progress
@@ -51,7 +59,7 @@ def run_batch(
     results = _results(task, recordings, store, workers, client, progress)
     summary, distributions, table = fleet_summary({r.folder: results[r.folder] for r in recordings})
     if out is not None:
-        with atomic.folder(out, last=SUMMARY) as new:
+        with atomic.atomic_folder(out, last=SUMMARY) as new:
             table.write_parquet(new / TABLE)
             atomic.write_json(new / SUMMARY, summary.to_dict())
             if page is not None:
@@ -69,16 +77,16 @@ def _results(
     todo = [r for r in recordings if r.folder not in results]
     if results:
         are = "is" if len(results) == 1 else "are"
-        progress(f"{len(results)} of {amount(len(recordings), 'recording')} {are} in {store} already")
+        progress(f"{len(results)} of {number_of(len(recordings), 'recording')} {are} in {store} already")
     if todo:
-        progress(f"calibrating and diagnosing {amount(len(todo), 'recording')}")
+        progress(f"calibrating and diagnosing {number_of(len(todo), 'recording')}")
     remaining = TimeLeft(len(recordings), len(results))
 
     def lost(recording: UnitRecording, times: str) -> tuple[StoredResult, ...]:
         why = f"computing it ended the worker {times}, out of memory most likely; give its dwells as means"
-        return (failed(task, recording, why),)
+        return (failure_entry(task, recording, why),)
 
-    for recording, entries in computed(partial(entries_of, task), todo, lost, workers, client):
+    for recording, entries in compute_items(partial(entries_of, task), todo, lost, workers, client):
         if not any(map(may_pass, entries)):  # otherwise the same batch computes the recording again
             keep(store, *entries)
         results[recording.folder] = entries

@@ -120,7 +120,7 @@ def _results(task: BatchTask, recording: UnitRecording) -> Iterable[StoredResult
         loaded = load([Path(recording.folder)])
         calibrated = calibrate_each(loaded, task.method, more=task.more, grade=task.grade)
     except Exception as problem:  # noqa: BLE001  a defect with one recording must not stop the others
-        yield _failure(task, recording, problem)
+        yield entry_of_problem(task, recording, problem)
         return
     for calibration, group in calibrated:
         yield _entry(task, recording, CALIBRATION, calibration.to_dict(), group[0].sensor)
@@ -129,27 +129,27 @@ def _results(task: BatchTask, recording: UnitRecording) -> Iterable[StoredResult
         try:
             diagnosis = diagnose(group, seed=task.seed, grade=task.grade)
         except Exception as problem:  # noqa: BLE001  nor must one sensor stop the others
-            yield _failure(task, recording, problem, sensor)
+            yield entry_of_problem(task, recording, problem, sensor)
             continue
         yield _entry(task, recording, DIAGNOSIS, diagnosis.to_dict(), sensor)
         if diagnosis.calibration is not None:
             yield _entry(task, recording, CALIBRATION, diagnosis.calibration.to_dict(), sensor)
 
 
-def _failure(task: BatchTask, recording: UnitRecording, problem: Exception, sensor: str = "") -> StoredResult:
+def entry_of_problem(task: BatchTask, recording: UnitRecording, problem: Exception, sensor: str = "") -> StoredResult:
     """Return the entry of a problem; only what follows from the files is lasting."""
     if isinstance(problem, InputError):
-        return failed(task, recording, str(problem), sensor, lasting=True)
+        return failure_entry(task, recording, str(problem), sensor, lasting=True)
     if isinstance(problem, OSError):
         why = f"{problem.filename or recording.folder} cannot be read ({problem.strerror or problem})"
     elif isinstance(problem, MemoryError):
         why = "there is not enough memory for this recording; give it as means"
     else:
         why = f"a defect of the program, not of the data ({type(problem).__name__}: {problem}); please report it"
-    return failed(task, recording, why, sensor)
+    return failure_entry(task, recording, why, sensor)
 
 
-def failed(
+def failure_entry(
     task: BatchTask, recording: UnitRecording, why: str, sensor: str = "", *, lasting: bool = False
 ) -> StoredResult:
     """Return the entry of a failure of a recording, or of one of its sensors; lasting: it follows from the files."""

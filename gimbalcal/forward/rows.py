@@ -17,7 +17,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, absent, values, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, values, with_values, zero_effect
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.forward.model import (
     OTHER_KINDS,
@@ -138,7 +138,7 @@ class Rows:
         by_id, names = {e.id: e for e in self.effects}, self.stimulus.axis_names
         out = np.zeros((*self.residual.shape, len(wanted)))
         for effect_id in dict.fromkeys(p.effect for p in wanted):
-            effect = by_id.get(effect_id) or absent(CATALOGUE[effect_id], names)
+            effect = by_id.get(effect_id) or zero_effect(CATALOGUE[effect_id], names)
             mine = [i for i, p in enumerate(wanted) if p.effect == effect_id]
             if effect.stage in self.sensitivity:  # no channel shows the others
                 out[:, :, mine] = self.columns(effect, [wanted[i] for i in mine])

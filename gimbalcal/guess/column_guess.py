@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.guess import clocks
 from gimbalcal.guess.column_names import (
     body_rates,
@@ -178,8 +178,8 @@ def _without_held_rows(log: Log) -> tuple[Log, str]:
     if not repeated.any() or 2 * np.count_nonzero(repeated) > len(repeated):
         return log, ""
     count = int(np.count_nonzero(np.diff(repeated.astype(int)) > 0))
-    where = f"{amount(count, 'stretch', 'stretches')} in which the recorder held a row"
-    return log.rows(~repeated), f"{amount(int(np.count_nonzero(repeated)), 'row')} are left out, {where}"
+    where = f"{number_of(count, 'stretch', 'stretches')} in which the recorder held a row"
+    return log.rows(~repeated), f"{number_of(int(np.count_nonzero(repeated)), 'row')} are left out, {where}"
 
 
 def _rows_are_dwells(log: Log) -> bool:

@@ -16,7 +16,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import NOT_A_TRIAD, by_name, is_counter, plain, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.number import Array
-from gimbalcal.quantities import check
+from gimbalcal.quantities import refuse_unit
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import to_si
 
@@ -301,7 +301,7 @@ def _are_counts(triad: Sequence[Array]) -> bool:
 def is_unit_of(quantity: str, unit: str) -> bool:
     """Return whether a unit belongs to the quantity."""
     try:
-        check(unit, quantity)
+        refuse_unit(unit, quantity)
     except InputError:
         return False
     return True

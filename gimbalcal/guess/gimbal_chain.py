@@ -16,7 +16,7 @@ from math import pi
 import numpy as np
 
 from gimbalcal.checks.forces import as_predicted
-from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, MIN_AGREEMENT, Correction, Trial, trials
+from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, MIN_AGREEMENT, Correction, Trial, successful_trials
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.guess.column_names import ANGLES, plain, unit_written
 from gimbalcal.number import Array
@@ -61,7 +61,9 @@ def gimbal_chain(angles: Mapping[str, Array], force: Array) -> Correction:
         return m - as_predicted(platform, platform.angles(readouts, (m,)), c.of(FORCE, force))
 
     sufficient = m - MIN_AGREEMENT * m
-    best = next(iter(trials(_candidates(names, first, varied), misfit, sufficient)), Trial(m, Correction("")))
+    best = next(
+        iter(successful_trials(_candidates(names, first, varied), misfit, sufficient)), Trial(m, Correction(""))
+    )
     if best.misfit <= sufficient:
         words = f"gravity at {m - int(best.misfit)} of {m} rests is where {best.candidate.words}"
         return replace(best.candidate, words=words)

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.check import Examined, examine
+from gimbalcal.checks.check import Examined, make_checks
 from gimbalcal.checks.input_errors import MIN_AGREEMENT, Correction
 from gimbalcal.checks.measured_turns import MeasuredTurns, turns_of
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import CHECKS, refuse_implausible
-from gimbalcal.errors import InputError, alternatives, amount
+from gimbalcal.errors import InputError, list_of_alternatives, number_of
 from gimbalcal.guess.attitude import motion_cost, with_reference
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon, refuse_single_places
 from gimbalcal.guess.column_guess import guessed, with_units
@@ -49,7 +49,7 @@ from gimbalcal.importers.mmt import import_mmt
 from gimbalcal.importers.phd2 import import_phd2, is_guide_log
 from gimbalcal.importers.tpoint import import_tpoint
 from gimbalcal.number import Array
-from gimbalcal.quantities import check
+from gimbalcal.quantities import refuse_unit
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.detection import LEAST_AT_REST
@@ -178,8 +178,10 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     """Return the proposal of tables by the path, or the name, of their logs, as `propose` does."""
     for quantity, unit in place.units.items():
         if quantity not in GUESSED_UNITS:
-            raise InputError(f"the unit of {quantity!r} is not guessed; {alternatives(GUESSED_UNITS)} may be stated")
-        check(unit, quantity)
+            raise InputError(
+                f"the unit of {quantity!r} is not guessed; {list_of_alternatives(GUESSED_UNITS)} may be stated"
+            )
+        refuse_unit(unit, quantity)
     first = next(iter(tables))
     if len(tables) == 1 and (pointing := _pointing(first, tables[first], title, place)):
         return pointing
@@ -191,7 +193,7 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     }
     read = {path: guessed(path, table, rate, elsewhere, place.units) for path, table in tables.items()}
     skipped = sum(table.skipped for table in tables.values())
-    notes = {"lines": f"{amount(skipped, 'line')} skipped: of another kind, or empty"} if skipped else {}
+    notes = {"lines": f"{number_of(skipped, 'line')} skipped: of another kind, or empty"} if skipped else {}
     notes |= {k: f"{path.name}: {n}" for path, each in read.items() if path != first for k, n in each.notes.items()}
     if are_parts([each.log for each in read.values()]):
         whole, notes["samples"] = concatenated({path: each.bare for path, each in read.items()})
@@ -434,7 +436,7 @@ def _in_units(log: Log, context: _Context) -> Proposal:
         examined = Examined(recording) if removed else examined
     rests = len(dwells(recording))
     if removed:
-        quiet = amount(removed, "quiet stretch", "quiet stretches")
+        quiet = number_of(removed, "quiet stretch", "quiet stretches")
         notes["rests"] = f"{quiet} in which the gyroscopes turn are no rests"
     if not rests:
         turn = "; where the accelerometers are quiet the gyroscopes show turns" if removed else ""
@@ -462,8 +464,8 @@ def _in_units(log: Log, context: _Context) -> Proposal:
             else "; they are taken as at rest"
         )
     positions = visited_positions(recording)
-    where = f" at {amount(positions, 'position')}" if 0 < positions < rests else ""
-    are_found = f"{amount(rests, 'rest')}{where} {'is' if rests == 1 else 'are'} found"
+    where = f" at {number_of(positions, 'position')}" if 0 < positions < rests else ""
+    are_found = f"{number_of(rests, 'rest')}{where} {'is' if rests == 1 else 'are'} found"
     single = f"{are_found}: enough for `gimbalcal noise`; a calibration takes six or more in different attitudes"
     several = f"multi-position, for {are_found}; rotation is for turns that are navigated sample by sample"
     notes.setdefault("kind", several if in_several_attitudes(recording) else single)
@@ -474,7 +476,7 @@ def _in_units(log: Log, context: _Context) -> Proposal:
     if log.has("gimbal_angle"):
         state = 'gimbal_angle = { value = 1, unit = "arcsec" }'
         notes["noise"] += f"; state how well positions are set: {state}, no row shows it"
-    recording = replace(recording, remarks=(*recording.remarks, *examine(examined, CHECKS)))
+    recording = replace(recording, remarks=(*recording.remarks, *make_checks(examined, CHECKS)))
     left_out = (*(n for n in context.left_out if n not in gimbals), *outside)
     return Proposal(recording, used.guesses, left_out, notes, examined.once(turns_of))
 

@@ -13,7 +13,7 @@ from itertools import combinations, permutations
 import numpy as np
 
 from gimbalcal.checks.driven_rates import MAX_RESIDUAL, DrivenTurn, driven_turn
-from gimbalcal.checks.input_errors import trials
+from gimbalcal.checks.input_errors import successful_trials
 from gimbalcal.effects.history import integral
 from gimbalcal.guess.column_names import axis_word, commanded, estimated, plain, rate_word, unit_written
 from gimbalcal.guess.column_values import RATE_UNIT_COSTS, changes_direction
@@ -184,7 +184,7 @@ def _fit(time: Array, readings: Array, columns: Mapping[str, Array], scale: floa
                     fits.append(TableFit(chain[0], own, chain[1]))
         least = min((f.misfit for f in fits), default=np.inf)
         if least < (MAX_MISFIT_RATIO * best.misfit if best else np.inf):
-            best = trials(fits, lambda f: f.misfit, tolerance=EQUAL_MISFIT_RATIO)[0].candidate
+            best = successful_trials(fits, lambda f: f.misfit, tolerance=EQUAL_MISFIT_RATIO)[0].candidate
     return best
 
 
@@ -194,7 +194,7 @@ def _best_chain(turns: DrivenTurn, scale: float | None) -> tuple[float, Platform
     known = [usual] if usual is not None and set(usual.axis_names) == set(turns.names) else []
     offsets = [*[QUARTER_TURNS] * (len(turns.names) - 1), (0.0,)]  # what the outermost stands on turns nothing
     platforms = (*known, *chains(permutations(turns.names), offsets))
-    (best,) = trials(platforms, lambda p: turns.residual(p, scale), tolerance=EQUAL_MISFIT_RATIO)
+    (best,) = successful_trials(platforms, lambda p: turns.residual(p, scale), tolerance=EQUAL_MISFIT_RATIO)
     return (best.misfit, best.candidate) if turns.misfit(best.candidate, scale) < MAX_RESIDUAL else None
 
 

@@ -40,7 +40,7 @@ from gimbalcal.calibration.common_readout import common_readout, in_readout, is_
 from gimbalcal.calibration.gravity_uncertainty import scale_factor_direction, without_gravity
 from gimbalcal.calibration.provenance import AssumedGrade
 from gimbalcal.effects import Parameter, with_values
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.history.unit_store import DatedCalibration, calibrations_by_unit
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -132,8 +132,8 @@ def fleet_of_store(path: Path) -> Fleet:
     known = fleet({unit: dated[-1] for unit, dated in by_unit.items() if dated}, str(path))
     if not known.distributions:
         raise InputError(
-            f"{path} holds calibrations of {amount(known.units, 'unit')}, and a fleet takes {MIN_UNITS} or more with a "
-            "parameter that their data determine; calibrate more units with --store, or name a --grade"
+            f"{path} holds calibrations of {number_of(known.units, 'unit')}, and a fleet takes {MIN_UNITS} or "
+            "more with a parameter that their data determine; calibrate more units with --store, or name a --grade"
         )
     return known
 

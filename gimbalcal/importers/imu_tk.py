@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.checks.input_errors import Correction, scaled
+from gimbalcal.checks.input_errors import Correction, scale_correction
 from gimbalcal.checks.measured_turns import turns_of
 from gimbalcal.earth import G0
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.errors import InputError
 from gimbalcal.importers.registry import importer
 from gimbalcal.importers.unit_log import text_matrix, unit_log
-from gimbalcal.quantities import check
+from gimbalcal.quantities import refuse_unit
 from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import FORCE, RATE, Recording
 from gimbalcal.units import is_raw, to_si
@@ -51,7 +51,7 @@ def import_imu_tk(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
     units = {FORCE: options.get("accel"), RATE: options.get("gyro")}
     for quantity, unit in units.items():
         if unit is not None:
-            check(unit, quantity)
+            refuse_unit(unit, quantity)
     recording = unit_log(files[0].stem, time, channels, dict.fromkeys(channels, "count"), files)
     for quantity, by_gravity in zip(quantities, (_unit_of_force, _unit_of_rate), strict=False):
         stated = units[quantity]
@@ -70,7 +70,7 @@ def _in_unit(recording: Recording, quantity: str, unit: str, why: str) -> Record
 
 
 def _counts_in(unit: str, quantity: str) -> Correction:
-    return scaled(quantity, TRIAD, float(to_si(1.0, unit)), unit)
+    return scale_correction(quantity, TRIAD, float(to_si(1.0, unit)), unit)
 
 
 def _unit_of_force(recording: Recording) -> tuple[str, str]:

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity
-from gimbalcal.errors import InputError, amount, shortened
+from gimbalcal.errors import InputError, number_of, shortened_text
 from gimbalcal.importers.pointing_files import about_other_pole, pointing_run
 from gimbalcal.importers.registry import importer
 from gimbalcal.importers.tpoint import equatorial
@@ -103,9 +103,9 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     without = "without a dither"
     if len(chosen) > 1:
         which, without = f"stretches {chosen[0] + 1} to {chosen[-1] + 1}", "in one session"
-    remark = f"{path}: {which} of {len(stretches)}, {amount(len(time), 'frame')} {without}, guiding undone"
+    remark = f"{path}: {which} of {len(stretches)}, {number_of(len(time), 'frame')} {without}, guiding undone"
     if lost:
-        remark += f"; {amount(lost, 'frame')} had lost the star and are left out"
+        remark += f"; {number_of(lost, 'frame')} had lost the star and are left out"
     if "latitude" not in options:
         remark += f"; the directions in the log give a latitude of {np.degrees(latitude):.2f} deg"
     gaps = [n for k in chosen for n in stretches[k].gaps]
@@ -191,8 +191,8 @@ def _chosen(path: Path, options: Mapping[str, str], stretches: Sequence[_Stretch
         return [k for k, s in enumerate(stretches) if s.session == session]
     text = options["stretch"]
     if not re.fullmatch(r"\d{1,9}", text) or not 1 <= int(text) <= len(stretches):
-        number = amount(len(stretches), "stretch", "stretches")
-        raise InputError(f"{path} has {number}; give one of them, got {shortened(text)!r}")
+        number = number_of(len(stretches), "stretch", "stretches")
+        raise InputError(f"{path} has {number}; give one of them, got {shortened_text(text)!r}")
     return [int(text) - 1]
 
 

@@ -20,9 +20,9 @@ from gimbalcal.errors import InputError
 from gimbalcal.forward import navigator_attitude_error
 from gimbalcal.kinematics import (
     EQUATORIAL,
+    mean_shortening,
     refuse_other_platform,
     required_latitude,
-    shortening,
     with_phase_of_force,
 )
 from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated
@@ -109,7 +109,7 @@ class _NavigatorInput(NamedTuple):
 
 
 def _navigator_input(run: Recording, aids: Aids) -> _NavigatorInput:
-    force = run.triad(FORCE) * (1 + shortening(run)[:, None] * EQUATORIAL)  # means have lost some of a turn
+    force = run.triad(FORCE) * (1 + mean_shortening(run)[:, None] * EQUATORIAL)  # means have lost some of a turn
     return _NavigatorInput(_site(run, aids.alignment), *without_long_steps(run.time - run.time[0], force))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gimbalcal.effects.effect import TRIAD
-from gimbalcal.errors import InputError, alternatives
+from gimbalcal.errors import InputError, list_of_alternatives
 from gimbalcal.platform import Platform
 from gimbalcal.recording.dates import names_iso
 from gimbalcal.recording.document import Document
@@ -125,7 +125,7 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
     if quantity not in AXES:
         raise InputError(
             f"{where}: the quantity {quantity!r} of column {name!r} is not known; write one of "
-            f"{alternatives(list(AXES))}"
+            f"{list_of_alternatives(list(AXES))}"
         )
     if quantity == "covariate":
         axis = axis or name
@@ -139,7 +139,7 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
     if quantity == "sigma" and entry.get("of") not in OF_A_ROW:
         raise InputError(
             f"{where}: column {name!r} is a sigma of {entry.get('of')!r}; write what it is of, "
-            f"of = {alternatives([repr(q) for q in OF_A_ROW])}"
+            f"of = {list_of_alternatives([repr(q) for q in OF_A_ROW])}"
         )
     if quantity != "sigma" and "of" in entry:
         raise InputError(f"{where}: column {name!r} is a {quantity}; of = {entry['of']!r} is for a sigma alone")
@@ -172,7 +172,7 @@ def _sensor(where: str, name: str, entry: Mapping[str, object]) -> str:
     if sensor and entry["quantity"] not in OF_A_SENSOR:
         raise InputError(
             f"{where}: column {name!r} is a {entry['quantity']}, which all sensors share; sensor is for "
-            f"{alternatives(OF_A_SENSOR)}"
+            f"{list_of_alternatives(OF_A_SENSOR)}"
         )
     return sensor
 
@@ -229,7 +229,9 @@ def _check_axis(
         )
     if not allowed:
         raise InputError(f"{where}: column {name!r} is a {quantity}, which has no axis, got axis = {axis!r}")
-    raise InputError(f"{where}: column {name!r} has axis {axis!r}; a {quantity} has axis {alternatives(allowed)}")
+    raise InputError(
+        f"{where}: column {name!r} has axis {axis!r}; a {quantity} has axis {list_of_alternatives(allowed)}"
+    )
 
 
 def _example(quantity: str) -> str:

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from gimbalcal.errors import InputError, alternatives, shortened
-from gimbalcal.quantities import check
+from gimbalcal.errors import InputError, list_of_alternatives, shortened_text
+from gimbalcal.quantities import refuse_unit
 from gimbalcal.units import to_si
 
 # A NumPy scalar printed with repr() under NumPy >= 2 reads `np.float64(6.4e-05)`, which is not TOML. Programs that
@@ -53,10 +53,12 @@ class Document:
             raise InputError(f"{path}, {line}: {what}; this line is not valid TOML, correct it") from None
 
         except (ValueError, RecursionError) as error:  # integers of thousands of digits, brackets and dots
-            raise InputError(f"{path} is beyond what TOML is for: {shortened(str(error), 100)}; correct it") from None
+            raise InputError(
+                f"{path} is beyond what TOML is for: {shortened_text(str(error), 100)}; correct it"
+            ) from None
         if beyond:
             raise InputError(
-                f"{path}: {shortened(beyond)} is a whole number of more than 64 bits, which TOML does not have"
+                f"{path}: {shortened_text(beyond)} is a whole number of more than 64 bits, which TOML does not have"
             )
 
     @classmethod
@@ -117,7 +119,8 @@ class Document:
             if key not in known_keys:
                 place = f" in [{table}]" if table else ""
                 raise InputError(
-                    f"{self.where(table, key)}: {key!r}{place} is not known; write one of {alternatives(known_keys)}"
+                    f"{self.where(table, key)}: {key!r}{place} is not known; write one of "
+                    f"{list_of_alternatives(known_keys)}"
                 )
 
     def number(self, table: str, key: str, entry: object, quantity: str) -> float:
@@ -129,7 +132,7 @@ class Document:
             )
         value, unit = entry["value"], entry["unit"]
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
-            raise InputError(f"{where}: the value of {key} must be a finite number, got {shortened(repr(value))}")
+            raise InputError(f"{where}: the value of {key} must be a finite number, got {shortened_text(repr(value))}")
         return to_si(float(value), self.unit(where, key, unit, quantity))
 
     def unit(self, where: str, name: str, unit: object, quantity: str) -> str:
@@ -137,7 +140,7 @@ class Document:
         if not isinstance(unit, str):
             raise InputError(f'{where}: the unit of {name} must be a text such as unit = "m/s^2", got {unit!r}')
         try:
-            check(unit, quantity)
+            refuse_unit(unit, quantity)
         except InputError as error:
             raise InputError(f"{where}, {name}: {error}") from None
         return unit

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
-from gimbalcal.errors import InputError, alternatives, shortened
-from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known
+from gimbalcal.errors import InputError, list_of_alternatives, shortened_text
+from gimbalcal.platform import BENCH, KNOWN, Axis, Platform, known_platform
 from gimbalcal.recording.columns import RATE_OF, Column, columns_of
 from gimbalcal.recording.dates import recorded_on
 from gimbalcal.recording.document import Document
@@ -98,7 +98,9 @@ def _header(document: Document, samples: Path, clock_needed: bool = True, platfo
         raise InputError(f"{document.where('', 'format')}: format must be 1, got {content.get('format')!r}")
     name = content.get("kind")
     if not isinstance(name, str) or name not in KINDS:
-        raise InputError(f"{document.where('', 'kind')}: kind must be one of {alternatives([*KINDS])}, got {name!r}")
+        raise InputError(
+            f"{document.where('', 'kind')}: kind must be one of {list_of_alternatives([*KINDS])}, got {name!r}"
+        )
     platform = platform or platform_of(document, KINDS[name].stabilised)
     kind = kind_of(name, platform)
     columns = columns_of(document, platform, clock_needed)
@@ -160,7 +162,7 @@ def _samples(document: Document, folder: Path) -> Path:
     inside = _inside(path, folder)
     if inside is None or PureWindowsPath(name).drive or "\\" in name:
         raise InputError(
-            f"{where}: samples = {shortened(repr(name))} is no name of a file here; put the file into the folder "
+            f"{where}: samples = {shortened_text(repr(name))} is no name of a file here; put the file into the folder "
             "of the recording and write its name alone"
         )
     if Path(name).is_absolute() or not inside:
@@ -193,11 +195,11 @@ def platform_of(document: Document, stabilised: bool) -> Platform:
     if "axes" in table:
         return Platform(str(table.get("name", "own")), _axes(document, table["axes"]))
     name = table.get("name", BENCH.name)
-    platform = known(name, stabilised) if isinstance(name, str) else None
+    platform = known_platform(name, stabilised) if isinstance(name, str) else None
     if platform is None:
         raise InputError(
             f"{document.where('platform', 'name')}: the platform {name!r} is not known; write one of "
-            f"{alternatives(list(KNOWN))}, or spell its axes out in [[platform.axes]]"
+            f"{list_of_alternatives(list(KNOWN))}, or spell its axes out in [[platform.axes]]"
         )
     return platform
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.checks import column_checks
-from gimbalcal.checks.check import examine
+from gimbalcal.checks.check import make_checks
 from gimbalcal.checks.dropouts import Dropouts
-from gimbalcal.checks.jitter import MAX_ROUGHNESS, MIN_JITTER, jitter_of, regular
+from gimbalcal.checks.jitter import MAX_ROUGHNESS, MIN_JITTER, jitter_of, regular_clock
 from gimbalcal.checks.stream_checks import StreamChecks
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import SPARSE, UNITLESS, Column
 from gimbalcal.recording.dates import Dates
@@ -174,9 +174,9 @@ def _rows(
     position = detect(to_si(table[checks.clock.name], checks.clock.unit), sensors, rates, raw, bool(forces))
     table[_DETECTED.name] = position.astype(float)
     count, dwells = int(position.max(initial=0)), int(np.count_nonzero(np.diff(position, prepend=0) * position))
-    at = f" at {amount(count, 'position')}" if count < dwells else ""
+    at = f" at {number_of(count, 'position')}" if count < dwells else ""
     remark = (
-        f"{header.samples}: there is no position column; {amount(dwells, 'dwell')}{at} found where the "
+        f"{header.samples}: there is no position column; {number_of(dwells, 'dwell')}{at} found where the "
         "sensors are quiet, numbered in order of time"
         if position.any()
         else f"{header.samples}: the unit is never at rest: its quietest stretches scatter more the longer they "
@@ -200,7 +200,7 @@ def _on_a_regular_clock(increments: Increments, table: dict[str, Array], checks:
         own = [x * increments.interval for x in own]  # by a clock that jitters they would be rough as rates
     time, column = to_si(table[clock.name], clock.unit), f"{header.samples}, column {clock.name}"
     if clock.regular:
-        fitted = regular(time, dropouts.kept, stated=True)
+        fitted = regular_clock(time, dropouts.kept, stated=True)
         if fitted is None:
             raise InputError(
                 f"{column}: the stamps are those of no regular clock; take regular = true out of [columns]"
@@ -243,7 +243,7 @@ def _gather(
         scatter.add([batch[name] for name in measured], begins, weights, still)
         kept.add(batch, begins)
     checks.scatter = dict(zip(measured, scatter.sigma(), strict=False))
-    examine(checks, column_checks.CHECKS)
+    make_checks(checks, column_checks.CHECKS)
     return kept.table(), checks.scatter
 
 

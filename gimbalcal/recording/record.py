@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gimbalcal.display import Displayed, data_frame, panels
 from gimbalcal.earth import G0
-from gimbalcal.effects.effect import Effect, lacking
+from gimbalcal.effects.effect import Effect, lacking_quantity
 from gimbalcal.effects.sensor_grades import GRADES, Grade
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
@@ -195,7 +195,7 @@ class Recording(Displayed):
         """Return why it cannot show an effect, as the predicate of a sentence; empty where it can."""
         if not effect.shows_in(self.kind):
             return f"shows in {' and '.join(effect.kinds)} recordings, and {self.title!r} is a {self.kind} recording"
-        missing = lacking(effect, self.has)
+        missing = lacking_quantity(effect, self.has)
         return f"needs {SOURCE_OF.get(missing, missing)}, and {self.title!r} has none" if missing else ""
 
     def axes(self, quantity: str) -> tuple[str, ...]:

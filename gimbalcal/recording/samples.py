@@ -14,8 +14,8 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from gimbalcal.checks.unreadable import check_bytes, check_names, check_types, explained
-from gimbalcal.errors import InputError, amount, shortened
+from gimbalcal.checks.unreadable import check_bytes, check_names, check_types, explanation
+from gimbalcal.errors import InputError, number_of, shortened_text
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
@@ -73,7 +73,7 @@ def batches(
     except pl.exceptions.NoDataError:
         raise InputError(f"{path} is empty; it must hold a line of column names and the rows") from None
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
-        raise explained(path, plain, error) from None
+        raise explanation(path, plain, error) from None
 
 
 def _frames(lazy: pl.LazyFrame, path: Path) -> Iterator[pl.DataFrame]:
@@ -101,8 +101,8 @@ def _frames(lazy: pl.LazyFrame, path: Path) -> Iterator[pl.DataFrame]:
                 time.sleep(SILENCE)  # one thread reports after the other
     if rows != stated:
         raise InputError(
-            f"{path} says that it has {amount(stated, 'row')} and {rows} can be read: it seems to be cut short or "
-            "damaged; copy it again"
+            f"{path} says that it has {number_of(stated, 'row')} and {rows} can be read: it seems to be cut "
+            "short or damaged; copy it again"
         )
 
 
@@ -191,7 +191,7 @@ def _dated(path: Path, clock: Column, dtype: pl.DataType, named: bool) -> bool:
     dated = dtype.is_temporal() or is_date(first)
     if clock.dated and first and not dated:
         raise InputError(
-            f"{place(path, 0, named=named)}, column {clock.name}: {shortened(first)!r} is not a date and time of "
+            f"{place(path, 0, named=named)}, column {clock.name}: {shortened_text(first)!r} is not a date and time of "
             'ISO 8601, as [columns] says; correct it, or write the unit of the numbers, as in unit = "s"'
         )
     return dated

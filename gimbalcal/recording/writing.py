@@ -13,7 +13,7 @@ import numpy as np
 from gimbalcal import atomic
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.platform import Platform, known
+from gimbalcal.platform import Platform, known_platform
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.header import NAME
 from gimbalcal.recording.record import ANYWHERE, COLOURED, SENSORS, Key, Recording, Site
@@ -34,7 +34,7 @@ def write(recording: Recording, folder: str | Path, samples: str = "samples.csv"
         raise InputError(f"samples = {samples!r} must be a plain file name that ends in .csv or .parquet")
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file: a recording is a folder, give another name")
-    with atomic.folder(folder, last=NAME) as new:  # the header last: it is what makes the folder a recording
+    with atomic.atomic_folder(folder, last=NAME) as new:  # the header last: it is what makes the folder a recording
         names = _columns(recording)
         text = "\n".join([*(f"# {line}".rstrip() for line in comment), *_header(recording, samples, names), ""])
         (new / NAME).write_text(text, encoding="utf-8")
@@ -133,7 +133,7 @@ def _site(site: Site) -> list[str]:
 
 def platform_toml(platform: Platform, stabilised: bool = False) -> list[str]:
     """Return the lines of [platform]: a name, and its axes where it is not known by that name."""
-    if known(platform.name, stabilised) == platform:
+    if known_platform(platform.name, stabilised) == platform:
         return ["[platform]", f"name = {toml_text(platform.name)}"]
     lines = ["[platform]", f"name = {toml_text(platform.name)}"]
     for axis in platform.axes:

@@ -10,7 +10,7 @@ import numpy as np
 from gimbalcal.calibration import AssumedNoise, Calibration
 from gimbalcal.effects import Effect
 from gimbalcal.effects.effect import stated_law
-from gimbalcal.errors import amount
+from gimbalcal.errors import number_of
 from gimbalcal.number import Array
 from gimbalcal.recording import SENSORS, Recording
 from gimbalcal.recording.dwell import visited_positions
@@ -168,7 +168,7 @@ def _measured(r: Recording) -> Context:
         ("kind", r.kind + visits),
         ("platform", f"{r.platform.name} ({', '.join(r.platform.axis_names) or 'no gimbals'})"),
         ("duration", f"{duration / 3600:.2f} h" if duration > 3600 else f"{duration:.0f} s"),
-        ("rows", f"{len(r.time)}, from {amount(int(r.weight.sum()), 'sample')}"),
+        ("rows", f"{len(r.time)}, from {number_of(int(r.weight.sum()), 'sample')}"),
         ("site", "; ".join(where)),
         ("noise, one sigma", _noise(r) or "neither stated nor estimated"),
     ]

@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 
 from gimbalcal.campaign.campaign_folder import CampaignSummary, ParameterErrors
-from gimbalcal.errors import amount
+from gimbalcal.errors import number_of
 from gimbalcal.report.chart import Band, Mark, Rule
 from gimbalcal.report.figures import dots_by_name
 from gimbalcal.report.html import Context, Picture, picture, render
@@ -33,13 +33,13 @@ def campaign_report(c: CampaignSummary) -> str:
     doubtful = bool(not rows or c.failed or larger_errors(rows) or with_offset(rows))
     identity = c.identity
     context = {
-        "title": f"{identity.name}, {amount(c.runs, 'run')}",
+        "title": f"{identity.name}, {number_of(c.runs, 'run')}",
         "answer": campaign_answer(c),
         "verdict": "reserved" if doubtful else "fits",
         "facts": _facts(c, rows),
         "picture": _picture(rows) if rows else None,
         "rows": [*map(_errors_row, rows)],
-        "reasons": [(words, amount(count, "run")) for words, count in c.outcomes.items()],
+        "reasons": [(words, number_of(count, "run")) for words, count in c.outcomes.items()],
         "provenance": [
             ("method", str(identity.method)), ("seed", str(identity.seed)), ("kind", str(identity.kind)),
             ("direction", c.direction), ("version", str(identity.version)),
@@ -102,8 +102,8 @@ def _picture(rows: Sequence[ParameterErrors]) -> Picture:
         dots_by_name(
             [naming.label_in_words(r.parameter) for r in rows], series, "RMS error / σ", "times σ", marks, log=False
         ),
-        f"Error over sigma of {amount(len(rows), 'parameter')}, from {ratio.min():.2f} to {ratio.max():.2f}; chance "
-        f"gives {low:.2f} to {high:.2f}.",
+        f"Error over sigma of {number_of(len(rows), 'parameter')}, from {ratio.min():.2f} to "
+        f"{ratio.max():.2f}; chance gives {low:.2f} to {high:.2f}.",
         "RMS error in units of the σ that each run stated. Right of the band σ is too small, left of it too large, as "
         "where it is partly the prior’s.",
     )

@@ -19,7 +19,7 @@ from gimbalcal.diagnose.result import (
 )
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.effect import stated_law
-from gimbalcal.errors import alternatives
+from gimbalcal.errors import list_of_alternatives
 from gimbalcal.number import Array
 from gimbalcal.references import cite
 from gimbalcal.report.chart import Chart
@@ -217,7 +217,7 @@ def _finding_section(f: Finding) -> Context:
         "equation": formula(latex),
         "latex": latex,
         "rows": estimates(f.parameters),
-        "twins": alternatives([naming.name_in_words(t) for t in f.twins]),
+        "twins": list_of_alternatives([naming.name_in_words(t) for t in f.twins]),
         "separate_by": naming.typeset(f.separate_by),
         "cost": naming.typeset(f.cost.in_words) if f.cost else "",
     }

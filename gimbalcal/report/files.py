@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gimbalcal.atomic import folder, write, write_json
+from gimbalcal.atomic import atomic_folder, write, write_json
 from gimbalcal.entries import Json
 from gimbalcal.report.html import with_question
 
@@ -40,7 +40,7 @@ def write_calibrations(
     each: Sequence[tuple[Calibration, Sequence[Recording], str]], out: Path, question: str = ""
 ) -> None:
     """Write the calibration of each sensor, of its recordings, into its folder in `out` ("" or a name), all or none."""
-    with folder(out) as new:
+    with atomic_folder(out) as new:
         for calibration, recordings, own in each:
             write_calibration(calibration, recordings, new / own, question=question)
 
@@ -51,7 +51,7 @@ def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, quest
     from gimbalcal.report.diagnosis_page import diagnosis_report
 
     laws = [str(Path(own) / "law.py") for _, _, own in each]
-    with folder(out, belonging=[law for law in laws if is_found(out / law)]) as new:
+    with atomic_folder(out, belonging=[law for law in laws if is_found(out / law)]) as new:
         for diagnosis, title, own in each:
             page = diagnosis_report(diagnosis, title)
             write_json(new / own / "diagnosis.json", diagnosis.to_dict())
@@ -64,7 +64,7 @@ def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, quest
 
 def write_report(name: str, content: Json | Sequence[Json], page: str, out: Path, question: str = "") -> None:
     """Write a result as the JSON `name`, and its page as report.html, into `out`."""
-    with folder(out) as new:
+    with atomic_folder(out) as new:
         write_json(new / name, content)
         write(new / "report.html", with_question(page, question))
 
@@ -78,7 +78,7 @@ def write_comparison(
     from gimbalcal.report.history_page import history_report
 
     page, rows = history_report(comparison, diagnoses), pl.DataFrame(comparison.columns)
-    with folder(out) as new:
+    with atomic_folder(out) as new:
         write_json(new / "compare.json", comparison.to_dict())
         write(new / "history.csv", rows.write_csv())
         rows.write_parquet(new / "history.parquet")

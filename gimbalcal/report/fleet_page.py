@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gimbalcal.earth import SOLAR_DAY, YEAR
-from gimbalcal.errors import amount
+from gimbalcal.errors import number_of
 from gimbalcal.fleet.fleet_summary import FleetParameter, FleetSummary
 from gimbalcal.history.fleet import Distribution, Fleet
 from gimbalcal.report.chart import BLUE, VERMILION, Bars, Chart, Line, Mark, Points, Rule, date_ticks, thinning_slice
@@ -27,7 +27,7 @@ def fleet_report(f: FleetSummary, known: Fleet) -> str:
     ordered = sorted(f.parameters, key=lambda p: (not p.outside, not p.drifts))
     reserved = [r for r in f.reports if not r.failure and (r.outcome or r.verdict != "adequate")]
     context: Context = {
-        "title": amount(f.units, "unit"),
+        "title": number_of(f.units, "unit"),
         "answer": naming.as_sentences(f.in_words),
         "verdict": "fits" if f.ordinary else "reserved" if f.failed < f.recordings else "misfit",
         "facts": _facts(f),
@@ -88,8 +88,8 @@ def _picture(p: FleetParameter, d: Distribution) -> Picture:
     dated = d.time[np.isfinite(d.time)]
     if dated.size and np.ptp(dated) > SOLAR_DAY:
         charts.append(_over_dates(p, d, value, labels, f"{words} over the date  [{unit}]"))
-    outside = f", {amount(len(p.outside), 'unit')} outside" if p.outside else ""
-    return picture(charts, f"{words} of {amount(p.units, 'unit')}{outside}.")
+    outside = f", {number_of(len(p.outside), 'unit')} outside" if p.outside else ""
+    return picture(charts, f"{words} of {number_of(p.units, 'unit')}{outside}.")
 
 
 def _histogram(p: FleetParameter, value: np.ndarray, inside: np.ndarray, names: list[str], title: str) -> Chart:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.errors import amount
+from gimbalcal.errors import number_of
 from gimbalcal.guess.proposal import Proposal
 from gimbalcal.recording import Dwell, Recording, dwells
 from gimbalcal.recording.dwell import in_several_attitudes
@@ -50,11 +50,11 @@ def proposal_page(proposal: Proposal) -> str:
     stars, intervals = r.kind.sighting, () if (r.kind.sighting or r.kind.rotating) else dwells(r)
     enough = r.kind.rotating or (len(r.time) if stars else len(intervals)) >= 9
     notes = [f"{what}: {note}" for what, note in proposal.notes.items()]
-    shown = f"Forces over time; {amount(len(intervals), 'rest')} marked." if intervals else "Rates over time."
+    shown = f"Forces over time; {number_of(len(intervals), 'rest')} marked." if intervals else "Rates over time."
     shown = "Offset of the readouts of each axis, before any model." if stars else shown
     context = {
         "title": r.title,
-        "answer": f"{amount(len(r.time), 'star')} found. {NEXT}" if stars else _answer(proposal, len(intervals)),
+        "answer": f"{number_of(len(r.time), 'star')} found. {NEXT}" if stars else _answer(proposal, len(intervals)),
         "verdict": "fits" if enough else "reserved",
         "facts": [(str(len(r.time)), "stars")] if stars else _facts(proposal, intervals),
         "picture": picture(_offsets(r) if stars else _force_charts(proposal, intervals), shown),
@@ -86,7 +86,7 @@ def _answer(proposal: Proposal, count: int) -> str:
     faces = " with `--terms bias,scale_factor`, for which six faces suffice" if 6 <= count < 9 else ""
     after = f"`gimbalcal calibrate` this folder{faces}" if in_several_attitudes(r) else "`gimbalcal noise` this folder"
     return (
-        f"{amount(count, 'rest')} found in {duration_in_words(float(np.ptp(r.time)))}.{few} Next: correct "
+        f"{number_of(count, 'rest')} found in {duration_in_words(float(np.ptp(r.time)))}.{few} Next: correct "
         f"recording.toml where a guess below is wrong, then {after}."
     )
 

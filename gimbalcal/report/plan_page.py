@@ -12,7 +12,7 @@ from gimbalcal.design.position_observability import Observability, PredictedSigm
 from gimbalcal.design.turning_design import TurnsDesign
 from gimbalcal.design.turning_observability import PublishedDegrees, SigmaCurve, TurningObservability
 from gimbalcal.earth import HOUR
-from gimbalcal.errors import amount
+from gimbalcal.errors import number_of
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
@@ -221,7 +221,8 @@ def observability_report(o: TurningObservability) -> str:
         ],
         "curves": picture(
             _curves(o),
-            f"Sigma of {amount(len(o.curves), 'state')} over {duration_in_words(last)}, on a logarithmic scale.",
+            f"Sigma of {number_of(len(o.curves), 'state')} over {duration_in_words(last)}, on a logarithmic "
+            "scale.",
             "One sigma of each state against time, starting at its usual size; each step down is a turn.",
         ),
         "unobservable": unseen,

@@ -15,7 +15,7 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest, view_of_turns
 from gimbalcal.estimate.static_run.system import static_readings
 from gimbalcal.forward import Rows, accelerometers, linearise
-from gimbalcal.inversion import invert
+from gimbalcal.inversion import invert_response
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
@@ -83,7 +83,7 @@ def by_position(
         sigma = None if sigma is None else np.hypot(sigma, setting_spread(bare, noise.setting))
     else:
         axes = ("|f| − g",)
-        corrected = invert(lambda f: accelerometers(f, s, effects), measured)[0]
+        corrected = invert_response(lambda f: accelerometers(f, s, effects), measured)[0]
         before, after = (_norm(f) - s.gravity for f in (measured, corrected))
     unit = "mg" if np.sqrt(np.mean(after**2)) > 1e-3 * G0 else "ug"
     numbers = means.position if means.position is not None else np.arange(1, len(means.time) + 1)

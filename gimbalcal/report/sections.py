@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.errors import amount
+from gimbalcal.errors import number_of
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.report import figures
@@ -249,17 +249,18 @@ def navigation_facts(c: Calibration) -> list[tuple[str, str]]:
     n = c.residual.navigation
     if not n:
         return []
-    updates = f"{amount(n['updates'], 'velocity update')}, {n['rejected']} rejected"
+    updates = f"{number_of(n['updates'], 'velocity update')}, {n['rejected']} rejected"
     return [(significant(n["nis"]["ratio"], 3), f"normalised innovation squared, mean ({updates})")]
 
 
 def innovations_picture(n: Mapping[str, Any]) -> Picture:
     z, white = np.array(n["legs"]["innovation"]), n["whiteness"]
     far = int(np.sum(np.abs(z) > OUTLIER_SIGMAS))
-    outliers = f"{amount(far, 'sum')} beyond {OUTLIER_SIGMAS:g} σ" if far else f"none beyond {OUTLIER_SIGMAS:g} σ"
+    outliers = f"{number_of(far, 'sum')} beyond {OUTLIER_SIGMAS:g} σ" if far else f"none beyond {OUTLIER_SIGMAS:g} σ"
     return picture(
         innovations_by_leg(n["legs"]["name"], z),
-        f"Sums of normalised velocity innovations, {amount(len(z), 'stop and turn', 'stops and turns')}: {outliers}.",
+        f"Sums of normalised velocity innovations, {number_of(len(z), 'stop and turn', 'stops and turns')}: "
+        f"{outliers}.",
         f"Velocity innovations of the calibrated navigator, summed over each stop (filled) and turn (rings) in units "
         f"of their sigma; {outliers}. The correlation of successive updates is {significant(white['lag_one'], 2)} "
         f"(sigma {significant(white['sigma'], 2)}).",
@@ -287,7 +288,8 @@ def estimates_picture(c: Calibration, n: Mapping[str, Any]) -> Picture:
     )
     return picture(
         charts,
-        f"Estimates of {amount(len(c.parameters) - len(unknown), 'parameter')} against time with one sigma, by effect.",
+        f"Estimates of {number_of(len(c.parameters) - len(unknown), 'parameter')} against time with one sigma, "
+        "by effect.",
         "Estimates of the filter in the last pass less their last value, with a band of one σ, from where σ is below "
         f"{MAX_SHOWN_SIGMA:g} times its last value. As Figures 4 and 6 of Cai et al. (2016) and 1 and 4 of Wei et al. "
         f"(2022).{omitted}",
@@ -302,7 +304,7 @@ def sigmas_picture(c: Calibration, n: Mapping[str, Any]) -> Picture:
         groups["attitude, smoothed", "arcsec"] = smoothed
     return picture(
         sigma_over_time(np.array(n["time_s"]), groups),
-        f"Sigma of {amount(len(c.parameters), 'parameter')} against time, by effect.",
+        f"Sigma of {number_of(len(c.parameters), 'parameter')} against time, by effect.",
         "Sigma of each parameter (√P of the filter) in the course of the recording: steps are turns that determine "
         "what no stop before did. That of the attitude is the smoother's, from all updates before and after.",
     )

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.effects.effect import TRIAD
-from gimbalcal.errors import alternatives
+from gimbalcal.errors import list_of_alternatives
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
 from gimbalcal.rotation import exponential
@@ -98,8 +98,8 @@ class RotationSchedule:
     def __post_init__(self) -> None:
         unknown = next((d for d in self.start if d not in DIRECTIONS), "")
         if unknown:
-            raise ValueError(f"{unknown!r} is no direction; write {alternatives(list(DIRECTIONS))}")
-        C = standing(self.start)
+            raise ValueError(f"{unknown!r} is no direction; write {list_of_alternatives(list(DIRECTIONS))}")
+        C = standing_attitude(self.start)
         if not np.allclose(C @ C.T, np.eye(3)) or np.linalg.det(C) < 0:
             x, y, z = self.start
             raise ValueError(
@@ -116,13 +116,13 @@ class RotationSchedule:
 
     def attitudes(self) -> Array:
         """Return C_bn (m + 1, 3, 3) at each stop: columns are x, y and z of the unit in north, east, down."""
-        out = [standing(self.start)]
+        out = [standing_attitude(self.start)]
         for i, move in enumerate(self.moves):
             out.append(out[-1] @ exponential(-move.angle * self.axis(i, out[-1])))
         return np.stack(out)
 
 
-def standing(start: tuple[str, str, str]) -> Array:
+def standing_attitude(start: tuple[str, str, str]) -> Array:
     """Return C_bn (3, 3) of a unit whose x, y and z axes point in three of `DIRECTIONS`."""
     return np.array([DIRECTIONS[d] for d in start]).T
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.effects.effect import TRIAD
-from gimbalcal.errors import InputError, alternatives, amount, shortened
+from gimbalcal.errors import InputError, list_of_alternatives, number_of, shortened_text
 from gimbalcal.platform import KNOWN, Platform
 from gimbalcal.recording.document import LARGEST, Document
 from gimbalcal.recording.header import platform_of
@@ -28,7 +28,7 @@ def schedule_toml(schedule: Schedule) -> str:
     # one duration for all holds, as a scenario has it; designs and published schedules hold no other
     seconds = schedule.holds[0].duration if schedule.holds else 0.0
     lines = [
-        f"# {amount(len(schedule.holds), 'hold')}; angles in degrees",
+        f"# {number_of(len(schedule.holds), 'hold')}; angles in degrees",
         "format = 1",
         f"title = {toml_text(schedule.name)}",
         "",
@@ -119,7 +119,7 @@ def read_rotation(name: str | Path) -> RotationSchedule:
     if inner not in TRIAD or (outer and outer not in [*DIRECTIONS]):
         raise InputError(
             f"{document.where('', 'outer' if inner in TRIAD else 'inner')}: inner is x, y or z of the unit, and outer "
-            f"one of {alternatives(list(DIRECTIONS))}"
+            f"one of {list_of_alternatives(list(DIRECTIONS))}"
         )
     ramp = _number(document, content, "ramp", "time", 1.0, "")
     stop = _above_zero(document, "", "stop", content, "time", 100.0)
@@ -139,7 +139,9 @@ def _start(document: Document, entry: Any) -> tuple[str, str, str]:
         raise InputError(f'{where}: say where the axes point, start = {{ x = "east", y = "north", z = "up" }}')
     for axis in TRIAD:
         if entry[axis] not in [*DIRECTIONS]:
-            raise InputError(f"{where}: {axis} points to {entry[axis]!r}; write {alternatives(list(DIRECTIONS))}")
+            raise InputError(
+                f"{where}: {axis} points to {entry[axis]!r}; write {list_of_alternatives(list(DIRECTIONS))}"
+            )
     return (str(entry["x"]), str(entry["y"]), str(entry["z"]))
 
 
@@ -147,7 +149,7 @@ def _move(document: Document, number: int, entry: Any) -> Move:
     where = f"{document.where('moves')}, move {number}"
     document.only("moves", ("axis", "angle", "rate", "stop"), entry)
     if entry.get("axis") not in (*TRIAD, *TABLE):
-        raise InputError(f"{where}: the axis is {alternatives([*TRIAD, *TABLE])}, got {entry.get('axis')!r}")
+        raise InputError(f"{where}: the axis is {list_of_alternatives([*TRIAD, *TABLE])}, got {entry.get('axis')!r}")
     if "angle" not in entry:
         raise InputError(f'{where}: write how far it turns, angle = {{ value = 90, unit = "deg" }}')
     angle = document.number("moves", "angle", entry["angle"], "angle")
@@ -198,6 +200,7 @@ def _hold(document: Document, platform: Platform, number: int, hold: Any, durati
     bad = [v for v in values if isinstance(v, bool) or not isinstance(v, int | float) or not abs(v) < LARGEST]
     if bad:
         raise InputError(
-            f"{document.where('schedule.holds')}: hold {number} has the angle {shortened(repr(bad[0]))}; give degrees"
+            f"{document.where('schedule.holds')}: hold {number} has the angle {shortened_text(repr(bad[0]))}; give "
+            "degrees"
         )
     return Hold(tuple(float(np.deg2rad(float(v))) for v in values), duration)

@@ -24,7 +24,7 @@ import numpy as np
 
 from gimbalcal.number import Array
 from gimbalcal.rotation import exponential, frame_rotation
-from gimbalcal.schedule.commands import RotationSchedule, standing
+from gimbalcal.schedule.commands import RotationSchedule, standing_attitude
 
 
 class Motion(Protocol):
@@ -142,7 +142,7 @@ def trajectory(schedule: RotationSchedule, tilt: Array | None = None, angle_erro
     ramp = np.where(short, np.sqrt(np.abs(angle) * full / rate), full)
     length = np.where(short, 2 * ramp, np.abs(angle) / rate + full)
     begin = np.cumsum(stops[:-1] + np.concatenate([[0.0], length[:-1]])) if len(own) else np.zeros(0)
-    C, axes = [standing(schedule.start)], []
+    C, axes = [standing_attitude(schedule.start)], []
     for i, turn in enumerate(angle):  # the outer axis stays put in the room, wherever the turns before have led
         axes.append(schedule.axis(i, C[-1]))
         C.append(C[-1] @ exponential(-turn * axes[-1]))

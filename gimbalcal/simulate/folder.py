@@ -13,8 +13,8 @@ from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import write
 from gimbalcal.recording.header import NAME
 from gimbalcal.simulate.scenario import find, load
-from gimbalcal.simulate.simulation import Run, blocks, joined, prepare
-from gimbalcal.simulate.truth import described
+from gimbalcal.simulate.simulation import Run, blocks, join_blocks, prepare
+from gimbalcal.simulate.truth import described_truth
 
 MIN_PARQUET_ROWS = 400_000  # rows from which samples are written as Parquet
 MIN_ROW_BYTES = 2 * 24  # bytes that a row of noise takes there at least, in its part and in the whole
@@ -31,9 +31,9 @@ def simulate_to(
     samples = "samples.parquet" if len(run.time) > MIN_PARQUET_ROWS else "samples.csv"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file: a recording is a folder, give another name")
-    with atomic.folder(folder, last=NAME) as new:  # the header last: it is what makes the folder a recording
+    with atomic.atomic_folder(folder, last=NAME) as new:  # the header last: it is what makes the folder a recording
         if samples.endswith(".csv"):
-            write(joined(blocks(run)), new, samples)
+            write(join_blocks(blocks(run)), new, samples)
         else:
             _write_blocks(run, new, samples, progress)
         (new / "truth.json").write_text(atomic.as_json(truth, indent=1), encoding="utf-8")
@@ -46,7 +46,7 @@ def truth_of(run: Run, name: str) -> dict[str, Any]:
         "format": 1,
         "scenario": name,
         "seed": run.seed,
-        "parameters": described(run.effects, run.platform.axis_names),
+        "parameters": described_truth(run.effects, run.platform.axis_names),
         "faults": run.scenario.faults.model_dump(mode="json"),
         "content": run.scenario.model_dump(mode="json"),
     }

@@ -8,16 +8,16 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from gimbalcal.entries import expected
+from gimbalcal.entries import expected_in_words
 from gimbalcal.errors import InputError
-from gimbalcal.quantities import check
+from gimbalcal.quantities import refuse_unit
 from gimbalcal.recording.document import LARGEST, Document
 from gimbalcal.recording.kinds import KINDS, Kind
 from gimbalcal.schedule import ROTATIONS, SCHEDULES
 from gimbalcal.units import parse, to_si
 
 
-def _measured(quantity: str, like: str = "") -> BeforeValidator:
+def measured_value(quantity: str, like: str = "") -> BeforeValidator:
     """Return a number with its unit, {value = 1.0, unit = "arcsec"}, taken to SI."""
 
     def convert(given: Any) -> float:
@@ -27,7 +27,7 @@ def _measured(quantity: str, like: str = "") -> BeforeValidator:
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
             raise ValueError(f"`value` must be a finite number, got {value!r}")
         if quantity:
-            check(str(unit), quantity)
+            refuse_unit(str(unit), quantity)
         elif parse(str(unit)).dimension != parse(like).dimension:
             raise ValueError(f"{unit!r} is not a unit of it; give it in {like}")
         return float(to_si(float(value), str(unit)))
@@ -35,24 +35,24 @@ def _measured(quantity: str, like: str = "") -> BeforeValidator:
     return BeforeValidator(convert)
 
 
-def _positive(value: float) -> float:
+def positive_value(value: float) -> float:
     if not value > 0:
         raise ValueError(f"must be above zero, got {value:g}")
     return value
 
 
-Duration = Annotated[float, _measured("time"), AfterValidator(_positive)]
-Rate = Annotated[float, _measured("", "Hz"), AfterValidator(_positive)]
-Spinning = Annotated[float, _measured("", "deg/s"), AfterValidator(_positive)]
-Angle = Annotated[float, _measured("angle")]
-Force = Annotated[float, _measured("", "m/s^2")]
-Spin = Annotated[float, _measured("", "deg/h")]
-Walk = Annotated[float, _measured("", "ug/sqrt(h)")]
-AngleWalk = Annotated[float, _measured("", "deg/sqrt(h)")]
-ForceWalk = Annotated[float, _measured("", "ug/sqrt(Hz)")]
-RateWalk = Annotated[float, _measured("", "deg/h/sqrt(h)")]
-Speed = Annotated[float, _measured("velocity")]
-Length = Annotated[float, _measured("height")]
+Duration = Annotated[float, measured_value("time"), AfterValidator(positive_value)]
+Rate = Annotated[float, measured_value("", "Hz"), AfterValidator(positive_value)]
+Spinning = Annotated[float, measured_value("", "deg/s"), AfterValidator(positive_value)]
+Angle = Annotated[float, measured_value("angle")]
+Force = Annotated[float, measured_value("", "m/s^2")]
+Spin = Annotated[float, measured_value("", "deg/h")]
+Walk = Annotated[float, measured_value("", "ug/sqrt(h)")]
+AngleWalk = Annotated[float, measured_value("", "deg/sqrt(h)")]
+ForceWalk = Annotated[float, measured_value("", "ug/sqrt(Hz)")]
+RateWalk = Annotated[float, measured_value("", "deg/h/sqrt(h)")]
+Speed = Annotated[float, measured_value("velocity")]
+Length = Annotated[float, measured_value("height")]
 
 
 class _Section(BaseModel):
@@ -65,7 +65,7 @@ class TurnSection(_Section):
     axis: Literal["x", "y", "z", "outer", "inner"]
     angle: Angle
     rate: Spinning | None = None
-    stop: Annotated[float, _measured("time")] | None = None
+    stop: Annotated[float, measured_value("time")] | None = None
 
 
 class Oscillation(_Section):
@@ -100,8 +100,8 @@ class ScheduleSection(_Section):
     dwell: Duration | None = None  # of every hold, instead of the schedule's own
     rate: Rate = 1.0
     slew_rate: Spinning | None = None  # of holds: 6 deg/s; of turns: the schedule's own
-    ramp: Annotated[float, _measured("time")] | None = None  # to come to slew_rate; none: 0, with gyroscopes 1 s
-    settle: Annotated[float, _measured("time")] = 5.0
+    ramp: Annotated[float, measured_value("time")] | None = None  # to come to slew_rate; none: 0, with gyroscopes 1 s
+    settle: Annotated[float, measured_value("time")] = 5.0
     record_slews: bool = False
     sweeps: int = Field(default=1, ge=1, le=1000)
     duration: Duration = 86400.0  # of a static run, of a swing, of a drive with its rest
@@ -134,7 +134,7 @@ class ScheduleSection(_Section):
 class SiteSection(_Section):
     """[site]."""
 
-    latitude: Annotated[float, _measured("angle")] | None = None
+    latitude: Annotated[float, measured_value("angle")] | None = None
     height: Length = 0.0
     gravity: Force | None = None
 
@@ -159,7 +159,7 @@ class QuantityHistory(_Section):
     rate: float = 0.0  # per h, of a ramp
     amplitude: float = 0.0  # of a sinusoid
     period: Duration = 86400.0
-    phase: Annotated[float, _measured("angle")] = 0.0
+    phase: Annotated[float, measured_value("angle")] = 0.0
     walk: float = Field(default=0.0, ge=0)  # per sqrt(h), of a random walk
     time_h: tuple[float, ...] = ()  # of a table
     value: tuple[float, ...] = ()
@@ -314,6 +314,6 @@ def check_content(content: dict[str, Any], where: str = "scenario") -> Scenario:
     except ValidationError as problems:
         first = problems.errors()[0]
         field = ".".join(str(part) for part in first["loc"]) or "scenario"
-        message = expected(first)
+        message = expected_in_words(first)
         got = "" if first["type"] == "value_error" or "input" not in first else f", got {first['input']!r}"
         raise InputError(f"{where}: {field}: {message}{got if len(got) < 80 else ''}") from None

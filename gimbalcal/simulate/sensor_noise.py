@@ -14,10 +14,10 @@ from gimbalcal.recording import COLOURED, SENSORS
 from gimbalcal.simulate.scenario import Scenario
 
 
-def noises(scenario: Scenario) -> Mapping[str, Noise]:
+def noise_processes(scenario: Scenario) -> Mapping[str, Noise]:
     """Return the processes by quantity, SI; a header states white noise and setting.
 
-    See `recording.noise_levels.stated`.
+    See `recording.noise_levels.header_noise`.
     """
     n, rate = scenario.noise, scenario.schedule.rate
     angle_noise = WhiteNoise if scenario.recording_kind.stabilised else SettingError
@@ -37,7 +37,7 @@ def noises(scenario: Scenario) -> Mapping[str, Noise]:
     return {quantity: tuple(process(size) for size, process in those if size > 0) for quantity, those in every.items()}
 
 
-def coloured(
+def coloured_noise(
     noise: Noise, axis: str, time: Array, rng: np.random.Generator, states: dict[tuple[str, str], Array]
 ) -> Array:
     """Return the sum of a channel's noise processes (n,), SI; their last states carry over to the next block."""
@@ -53,12 +53,12 @@ def of_rates(noise: Noise, time: Array, rng: np.random.Generator, states: dict[t
     """Return the noise of the three gyroscopes (n, 3) [rad/s]."""
     if all(isinstance(process, WhiteNoise) for process in noise):
         return np.asarray(one_sigma(noise) * rng.standard_normal((len(time), 3)))
-    return np.stack([coloured(noise, f"rate {axis}", time, rng, states) for axis in "xyz"], axis=1)
+    return np.stack([coloured_noise(noise, f"rate {axis}", time, rng, states) for axis in "xyz"], axis=1)
 
 
-def stated(scenario: Scenario) -> dict[str, float]:
+def stated_noise(scenario: Scenario) -> dict[str, float]:
     """Return the noise that the header states: white noise of one sample and the setting repeatability."""
-    every, n = noises(scenario), scenario.noise
+    every, n = noise_processes(scenario), scenario.noise
     processes = {
         sensor: [p for p in every.get(q, ()) if isinstance(p, WhiteNoise | SettingError)]
         for sensor, q in SENSORS.items()

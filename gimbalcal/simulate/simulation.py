@@ -24,10 +24,10 @@ from gimbalcal.recording.record import Key
 from gimbalcal.schedule.drive import Drive
 from gimbalcal.schedule.trajectory import Motion
 from gimbalcal.simulate.scenario import QuantityHistory, Scenario, check_content, load
-from gimbalcal.simulate.sensor_noise import coloured, noises, of_rates, stated
-from gimbalcal.simulate.timetable import Timetable, planned, platform_of, row_times, timetable, turned_times
+from gimbalcal.simulate.sensor_noise import coloured_noise, noise_processes, of_rates, stated_noise
+from gimbalcal.simulate.timetable import Timetable, planned_schedule, platform_of, row_times, timetable, turned_times
 from gimbalcal.simulate.truth import check_shown, true_effects
-from gimbalcal.simulate.turned import flown, nodes, shaken, stimulus
+from gimbalcal.simulate.turned import nodes, quivering_force, stimulus, true_trajectory
 
 BLOCK_ROWS = (
     1 << 17
@@ -61,13 +61,13 @@ def prepare(scenario: Scenario, seed: int | None = None) -> Run:
     truth_rng, setting_rng, weather_rng = np.random.default_rng([seed, 0]).spawn(3)
     site, turns = _site(scenario), scenario.schedule.turns
     platform = BENCH if turns else platform_of(scenario)
-    sigma = one_sigma(noises(scenario)["gimbal_angle"])
+    sigma = one_sigma(noise_processes(scenario)["gimbal_angle"])
     table = path = None
     read: tuple[str, ...] = ()
     if turns:
-        path = flown(scenario.schedule, sigma, setting_rng, site)
+        path = true_trajectory(scenario.schedule, sigma, setting_rng, site)
     elif not scenario.recording_kind.stabilised:
-        table = timetable(planned(scenario), scenario.schedule, scenario.faults, scenario.ramp)
+        table = timetable(planned_schedule(scenario), scenario.schedule, scenario.faults, scenario.ramp)
         read = tuple(
             name for name, column in zip(platform.axis_names, table.commanded.T, strict=True) if np.any(column)
         )
@@ -95,10 +95,10 @@ def simulate(
     if isinstance(scenario, Mapping):
         scenario = check_content(dict(scenario))
     run = prepare(scenario if isinstance(scenario, Scenario) else load(scenario), seed)
-    return joined(blocks(run)), run.effects
+    return join_blocks(blocks(run)), run.effects
 
 
-def joined(parts: Iterable[Recording]) -> Recording:
+def join_blocks(parts: Iterable[Recording]) -> Recording:
     """Return the blocks of rows as one recording."""
     parts = list(parts)
     channels = {key: np.concatenate([p.channels[key] for p in parts]) for key in parts[0].channels}
@@ -124,19 +124,19 @@ def _block(
     place: np.random.Generator,
     states: dict[tuple[str, str], Array],
 ) -> Recording:
-    past, time = _past(run, start), run.time[start:stop]
-    nominal = _nominal(run, np.concatenate([run.time[past], time]))
+    past, time = past_rows(run, start), run.time[start:stop]
+    nominal = nominal_motion(run, np.concatenate([run.time[past], time]))
     if run.path is None:
         s = _as_it_was(run, nominal)
         out = {k: v[past.size :] for k, v in predict(run.platform, s, run.effects, run.scenario.kind).items()}
     else:
-        out = _turned(run, run.path, time, run.time[past])
+        out = readings_of_turned_unit(run, run.path, time, run.time[past])
         still = run.scenario.noise.velocity
-        out["specific_force"] += shaken(run.path, time, 1 / run.scenario.schedule.rate, still, place, states)
-    noise = noises(run.scenario)
+        out["specific_force"] += quivering_force(run.path, time, 1 / run.scenario.schedule.rate, still, place, states)
+    noise = noise_processes(run.scenario)
     channels: dict[Key, Array] = {}
     for i, axis in enumerate("xyz"):
-        y = out["specific_force"][:, i] + coloured(noise["specific_force"], axis, time, rng, states)
+        y = out["specific_force"][:, i] + coloured_noise(noise["specific_force"], axis, time, rng, states)
         q = run.scenario.faults.quantisation
         channels["specific_force", axis] = Quantisation(q).rounded(y) if q else y
     channels |= _angles(run, out, time, rng)
@@ -155,18 +155,18 @@ def _block(
     )
 
 
-def _turned(run: Run, path: Motion, time: Array, past: Array) -> dict[str, Array]:
+def readings_of_turned_unit(run: Run, path: Motion, time: Array, past: Array) -> dict[str, Array]:
     """Return the readings of a turned unit, means over the intervals that end at `time` (n,) [s] or of the instant."""
     motion = run.scenario.schedule
     at = nodes(path, time, 1 / motion.rate, motion.rates == "instant")
     instants = np.concatenate([past, at.time])
-    like = _nominal(run, instants)
+    like = nominal_motion(run, instants)
     s = stimulus(path, like, instants).at(time=instants - run.time[0])
     out = predict(run.platform, s, run.effects, run.scenario.kind)
     return {quantity: at.means(values[len(past) :]) for quantity, values in out.items()}
 
 
-def _past(run: Run, start: int) -> Array:
+def past_rows(run: Run, start: int) -> Array:
     """Return indices of earlier rows that represent the history of a block: one a minute and the first of dwells."""
     if start == 0:
         return np.zeros(0, dtype=int)
@@ -176,7 +176,7 @@ def _past(run: Run, start: int) -> Array:
     return rows[rows < start]
 
 
-def _nominal(run: Run, time: Array) -> Recording:
+def nominal_motion(run: Run, time: Array) -> Recording:
     """Return the true motion of the platform at these times, as a recording without sensor errors."""
     position: Array | None
     if run.path is not None:
@@ -201,7 +201,7 @@ def _nominal(run: Run, time: Array) -> Recording:
         run.scenario.title,
         run.platform,
         run.site,
-        stated(run.scenario),
+        stated_noise(run.scenario),
         time,
         position,
         channels,
@@ -226,7 +226,7 @@ def _as_it_was(run: Run, nominal: Recording) -> Stimulus:
 def _angles(run: Run, out: Mapping[str, Array], time: Array, rng: np.random.Generator) -> dict[Key, Array]:
     """Return gimbal readouts, and in a static run the navigator's attitude error, as they are logged."""
     channels: dict[Key, Array] = {}
-    names, noise = run.platform.axis_names, noises(run.scenario)
+    names, noise = run.platform.axis_names, noise_processes(run.scenario)
     if run.path is not None:
         return _reference(run.path, run.scenario, time, rng)
     if run.table is not None:

@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.earth import YEAR
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
-from gimbalcal.platform import Platform, known
+from gimbalcal.platform import Platform, known_platform
 from gimbalcal.recording.memory_limit import memory_limit
 from gimbalcal.schedule import SCHEDULES, Hold, Schedule
 from gimbalcal.schedule.trajectory import Motion
@@ -71,25 +71,25 @@ class Timetable:
         return of[i], of[j] - of[i], np.where(u <= full / 2, share, 1 - share) * (j > i), speed
 
 
-def planned(scenario: Scenario) -> Schedule:
+def planned_schedule(scenario: Scenario) -> Schedule:
     """Return the schedule that the scenario names or spells out."""
     motion = scenario.schedule
     if motion.name:
         schedule = SCHEDULES[motion.name]
-        if known(scenario.platform.name) != schedule.platform:
+        if known_platform(scenario.platform.name) != schedule.platform:
             raise InputError(
                 f"schedule.name: {motion.name} is for the platform {schedule.platform.name!r}, "
                 f"not {scenario.platform.name!r}"
             )
         return schedule
     platform = platform_of(scenario)
-    holds = tuple(_hold(platform, hold, i) for i, hold in enumerate(motion.holds))
+    holds = tuple(timed_hold(platform, hold, i) for i, hold in enumerate(motion.holds))
     return Schedule("scenario", platform, holds)
 
 
 def platform_of(scenario: Scenario) -> Platform:
     """Return the platform that the scenario names."""
-    platform = known(scenario.platform.name, scenario.recording_kind.stabilised)
+    platform = known_platform(scenario.platform.name, scenario.recording_kind.stabilised)
     if platform is None:
         raise InputError(f"platform.name: no platform is called {scenario.platform.name!r}")
     return platform
@@ -108,7 +108,7 @@ def timetable(schedule: Schedule, motion: ScheduleSection, faults: FaultsSection
     return Timetable(position, commanded, true, start, start + dwell, ramp, motion.settle)
 
 
-def _hold(platform: Platform, hold: dict[str, float], i: int) -> Hold:
+def timed_hold(platform: Platform, hold: dict[str, float], i: int) -> Hold:
     unknown = [axis for axis in hold if axis not in platform.axis_names]
     if unknown:
         raise InputError(

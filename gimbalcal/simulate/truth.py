@@ -9,7 +9,7 @@ import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.effects.effect import constants, lacking
+from gimbalcal.effects.effect import constants, lacking_quantity
 from gimbalcal.effects.grids import range_beyond
 from gimbalcal.errors import InputError
 from gimbalcal.recording.document import LARGEST
@@ -32,7 +32,7 @@ def true_effects(
     wanted: dict[Parameter, float] = {}
     if section.get("draw", False):
         for name in BASELINE[kind]:
-            wanted |= _drawn(name, gimbals, read, factor, None, rng)
+            wanted |= drawn_values(name, gimbals, read, factor, None, rng)
     for name, given in section.items():
         if name not in RESERVED:
             wanted |= _effect(name, given, gimbals, read, factor, rng)
@@ -49,7 +49,7 @@ def check_shown(effects: Sequence[Effect], scenario: Scenario, environment: Mapp
     for each in effects:
         if not each.shows_in(kind):
             raise InputError(f"truth.{each.id}: it shows in {' and '.join(each.kinds)} recordings, not in a {kind}")
-        need = lacking(type(each), logged.__contains__)
+        need = lacking_quantity(type(each), logged.__contains__)
         if "angular_rate" in (need, each.channel) and "angular_rate" not in logged:
             raise InputError(f"truth.{each.id}: it shows in angular_rate; write gyroscopes = true")
         if need:
@@ -58,7 +58,7 @@ def check_shown(effects: Sequence[Effect], scenario: Scenario, environment: Mapp
             raise InputError(f"truth.{each.id}: it needs {need} to act on; give {where}")
 
 
-def described(effects: Sequence[Effect], gimbals: Sequence[str]) -> list[dict[str, Any]]:
+def described_truth(effects: Sequence[Effect], gimbals: Sequence[str]) -> list[dict[str, Any]]:
     """Return the truth in the form of calibration.json: name, axis, value in the printed unit, unit; and the effect."""
     out = []
     for each in effects:
@@ -82,12 +82,12 @@ def _effect(
     if given.pop("draw", False):
         sigma = given.pop("sigma", None)
         size = None if sigma is None else _number(sigma, f"{where}.sigma")
-        out = _drawn(name, gimbals, read, _number(given.pop("factor", factor), f"{where}.factor"), size, rng)
+        out = drawn_values(name, gimbals, read, _number(given.pop("factor", factor), f"{where}.factor"), size, rng)
     known = parameters(CATALOGUE[name], gimbals, constants=True)
-    return out | dict(_fixed(known, given, where))
+    return out | dict(fixed_values(known, given, where))
 
 
-def _drawn(
+def drawn_values(
     name: str, gimbals: Sequence[str], read: Sequence[str], factor: float, sigma: float | None, rng: np.random.Generator
 ) -> dict[Parameter, float]:
     out = {}
@@ -99,21 +99,23 @@ def _drawn(
     return out
 
 
-def _fixed(known: Sequence[Parameter], given: Mapping[str, Any], where: str) -> Iterator[tuple[Parameter, float]]:
+def fixed_values(known: Sequence[Parameter], given: Mapping[str, Any], where: str) -> Iterator[tuple[Parameter, float]]:
     """Return values by axis (of the first parameter), or by parameter: a number for a scalar, a table for axes."""
     first = known[0].field
     for key, value in given.items():
         by_field = [p for p in known if key in (p.field, p.name)]
         if isinstance(value, Mapping) and by_field:
             for axis, number in value.items():
-                yield _one([p for p in by_field if p.axis == axis], by_field, number, f"{where}.{key}.{axis}")
+                yield single_value([p for p in by_field if p.axis == axis], by_field, number, f"{where}.{key}.{axis}")
         elif len(by_field) == 1:
-            yield _one(by_field, known, value, f"{where}.{key}")
+            yield single_value(by_field, known, value, f"{where}.{key}")
         else:
-            yield _one([p for p in known if p.axis == key and p.field == first], known, value, f"{where}.{key}")
+            yield single_value([p for p in known if p.axis == key and p.field == first], known, value, f"{where}.{key}")
 
 
-def _one(match: Sequence[Parameter], known: Sequence[Parameter], value: Any, where: str) -> tuple[Parameter, float]:
+def single_value(
+    match: Sequence[Parameter], known: Sequence[Parameter], value: Any, where: str
+) -> tuple[Parameter, float]:
     if not match:
         choices = dict.fromkeys([p.axis for p in known if p.axis] + [p.field for p in known])
         raise InputError(f"{where}: neither an axis nor a parameter of this effect; it has {', '.join(choices)}")

@@ -16,12 +16,12 @@ from gimbalcal.effects import (
     Parameter,
     Stage,
     Stimulus,
-    absent,
     known_effect,
     parameters,
     with_values,
+    zero_effect,
 )
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants, follows, lacking
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants, followed_covariate, lacking_quantity
 from gimbalcal.effects.grids import limits
 from gimbalcal.effects.sensor_grades import Grade, drift_rate_factor
 from gimbalcal.errors import InputError
@@ -320,7 +320,7 @@ def effects_of_another_day(calibration: Calibration | None, baseline: Sequence[s
 def absent_effect(effect_id: str, s: Stimulus, source: str = "", **constants: float) -> Effect:
     """Return an effect of the catalogue with zero parameters, these constants, following covariate `source`."""
     named: dict[str, Any] = {"covariate": source} if source else {}
-    return replace(absent(CATALOGUE[effect_id], s.axis_names), **constants, **named)
+    return replace(zero_effect(CATALOGUE[effect_id], s.axis_names), **constants, **named)
 
 
 def range_of_constants(wanted: Sequence[Parameter], *stimuli: Stimulus) -> Array | None:
@@ -343,8 +343,8 @@ def gyroscope_parameters_without(s: Stimulus, shown: Callable[[Effect], bool]) -
     """Return the parameters (effect, axis) of gyroscopes that do not pass a test of the effect at its usual size."""
     out = set()
     for cls in CATALOGUE.values():
-        if cls.stage in GYROSCOPE_STAGES and not cls.spans_rows and not lacking(cls, s.carries):
-            none = absent_effect(cls.id, s, next(iter(s.covariates)) if follows(cls) == "" else "")
+        if cls.stage in GYROSCOPE_STAGES and not cls.spans_rows and not lacking_quantity(cls, s.carries):
+            none = absent_effect(cls.id, s, next(iter(s.covariates)) if followed_covariate(cls) == "" else "")
             for p in parameters(cls, s.axis_names):
                 (effect,) = with_values([none], (p,), np.array([p.sigma]), s.axis_names)
                 if not shown(effect):
@@ -356,7 +356,7 @@ def without_sizes(effect: Effect) -> Effect:
     """Return the effect with its constants and no size."""
     names = (*(f.name for f in constants(type(effect))), "covariate")
     kept = {f.name: getattr(effect, f.name) for f in fields(effect) if f.name in names}
-    return replace(absent(type(effect)), **kept)
+    return replace(zero_effect(type(effect)), **kept)
 
 
 def recording_fields(recording: Recording) -> dict[str, Any]:

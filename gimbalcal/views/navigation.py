@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, values
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, absent, constants
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, constants, zero_effect
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -65,7 +65,7 @@ def navigation(
         for effect_id in dict.fromkeys(p.effect for p in every):
             at = [i for i, p in enumerate(every) if p.effect == effect_id and sizes[i] != 0]
             if at:
-                effect = by_id.get(effect_id) or absent(CATALOGUE[effect_id])
+                effect = by_id.get(effect_id) or zero_effect(CATALOGUE[effect_id])
                 out -= columns.of(effect, [every[i] for i in at]) @ sizes[at]
         return replace(
             base, effects=tuple(effects), residual=out, fixed_columns=columns.of

@@ -17,10 +17,10 @@ from gimbalcal.calibration.readout import in_si
 from gimbalcal.effects import Effect, Stage
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.forward import Rows, accelerometers, linearise
 from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
-from gimbalcal.inversion import invert
+from gimbalcal.inversion import invert_response
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
@@ -116,7 +116,7 @@ def inverted(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
 
     Raises InputError where different forces read the same.
     """
-    f, H, flat = invert(h, y)
+    f, H, flat = invert_response(h, y)
     if np.any(flat):
         raise InputError(
             "in the model of the accelerometers different forces read the same; name bias, scale_factor and "
@@ -146,7 +146,7 @@ def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
         unit = means.units.get((FORCE, "x"), "m/s^2")
         raise InputError(
             f"{means.title!r} reads in {unit} and "
-            f"{amount(len(N), 'rest position')} cannot fix its scale: hold six faces up, or at least "
+            f"{number_of(len(N), 'rest position')} cannot fix its scale: hold six faces up, or at least "
             "nine that turn every axis up and down, or give the columns in m/s^2"
         )
     counts = Counts(tuple(map(float, scale)), tuple(map(float, offset)))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.effects.sensor_grades import Grade, grade_of_noise
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.inference.white_noise import white_sigma
 from gimbalcal.kinematics import required_latitude
 from gimbalcal.number import Array
@@ -328,7 +328,7 @@ def _noise(recording: Recording, stop_dwells: Sequence[Dwell]) -> tuple[Array, A
         bad = [" ".join(key) for key, s in zip(CHANNELS, sigma, strict=True) if not s > 0]
         raise InputError(
             f"{recording.label}: {bad[0]} has no noise, stated or seen, and a filter cannot weigh it; state it in "
-            f"[noise] ({amount(len(bad), 'channel')} like this)"
+            f"[noise] ({number_of(len(bad), 'channel')} like this)"
         )
     return sigma, shown, stated
 

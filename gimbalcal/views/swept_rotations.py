@@ -19,7 +19,7 @@ from gimbalcal.effects import Effect, Stimulus
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows, gyroscopes, linearise
-from gimbalcal.inversion import invert
+from gimbalcal.inversion import invert_response
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording.record import RATE
@@ -62,7 +62,7 @@ def swept_rows(sweeps: Sweeps, effects: Sequence[Effect]) -> tuple[Array, Rows]:
 
 def corrected_rates(sweeps: Sweeps, effects: Sequence[Effect]) -> tuple[Array, Array]:
     """Rates (m n, 3) that read as they do, and D (m n, 3, 3)."""
-    w, D, flat = invert(lambda rate: gyroscopes(rate, sweeps.stimulus, effects), sweeps.reading.reshape(-1, 3))
+    w, D, flat = invert_response(lambda rate: gyroscopes(rate, sweeps.stimulus, effects), sweeps.reading.reshape(-1, 3))
     if np.any(flat):
         raise InputError("no model of the gyroscopes turns with the unit: one of them does not follow its rate")
     return w, D

@@ -25,7 +25,7 @@ from gimbalcal.checks.column_checks import at_end_of_range
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.forward import Rows, accelerometers, gyroscopes, linearise
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import Array, apply_matrix
@@ -33,7 +33,7 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.dwell import moves_between_dwells
 from gimbalcal.recording.record import FORCE, RATE
-from gimbalcal.rotation import composed, cross_matrix, exponential, mean_rates, normal_to
+from gimbalcal.rotation import composed_rotation, cross_matrix, exponential, mean_rates, normal_to
 from gimbalcal.views.core import Measurement, View, gyroscope_parameters_without, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.norm import inverted
@@ -83,7 +83,7 @@ def turns_between_rests(recording: Recording, accelerometers: Calibration) -> Tu
     visits = dwells(recording)
     if len(visits) < 6:
         raise InputError(
-            f"{recording.title!r} holds {amount(len(visits), 'rest')}; turns between at least six are needed"
+            f"{recording.title!r} holds {number_of(len(visits), 'rest')}; turns between at least six are needed"
         )
     there = accelerometers.apply(recording)
     y, f = recording.triad(RATE), there.triad(FORCE)
@@ -159,7 +159,7 @@ def _rough_scale(turns: Turns) -> float:
     largest = np.median((np.linalg.norm(turns.reading, axis=-1) * turns.step).sum(1))
     guesses = np.geomspace(0.2, 20, 60) / largest  # a median turn between 0.2 and 20 rad, 8 % apart
     phi = turns.reading * turns.step[..., None]
-    turned = (apply_matrix(composed(exponential(g * phi)), turns.before) for g in guesses)
+    turned = (apply_matrix(composed_rotation(exponential(g * phi)), turns.before) for g in guesses)
     misfit = [np.mean((turns.after - f) ** 2) for f in turned]
     return float(guesses[int(np.argmin(misfit))])
 

@@ -7,7 +7,7 @@ from math import isfinite, sqrt
 from typing import TYPE_CHECKING
 
 from gimbalcal.earth import HOUR
-from gimbalcal.errors import amount
+from gimbalcal.errors import number_of
 from gimbalcal.words.calibration_sentences import MAX_RELATIVE_EXCESS, MIN_P_VALUE
 from gimbalcal.words.naming import (
     as_sentence,
@@ -142,7 +142,7 @@ def distance_to_goal(plan: NextPlan) -> str:
             return f"All {number_and_noun(len(plan.parameters), 'parameter')} reach the σ that was asked for."
         named = list_in_words([without_underscores(name) for name in short], MAX_NAMED)
         verb = "has" if len(short) == 1 else "have"
-        total = amount(len(plan.parameters), "parameter")
+        total = number_of(len(plan.parameters), "parameter")
         return f"{len(short)} of {total} {verb} not reached the σ that was asked for: {named}."
     if plan.separation is None:
         return ""
@@ -160,13 +160,13 @@ def distance_to_goal(plan: NextPlan) -> str:
 def campaign_answer(c: CampaignSummary) -> str:
     """Return whether errors and sigmas agree, which parameters have an offset, and what to do next."""
     rows = with_estimate(c)
-    runs = amount(c.runs, "run")
+    runs = number_of(c.runs, "run")
     if not rows:
         return f"{runs} without an estimate: {reasons_in_words(c)}. Next: check the scenario."
     low, high = ratio_interval_by_chance(min(r.runs for r in rows), len(rows))
     ratios = [r.ratio for r in rows]
     large, off = larger_errors(rows), with_offset(rows)
-    size = f"{min(ratios):.2f} to {max(ratios):.2f} times their σ over {amount(len(rows), 'parameter')}"
+    size = f"{min(ratios):.2f} to {max(ratios):.2f} times their σ over {number_of(len(rows), 'parameter')}"
     text = f"In {runs} errors are {size}; chance alone gives {low:.2f} to {high:.2f}."
     if large:
         errors, exceed = ("errors", "exceed their") if len(large) > 1 else ("error", "exceeds its")
@@ -174,7 +174,7 @@ def campaign_answer(c: CampaignSummary) -> str:
     if off:
         text += f" The mean error of {names_of_rows(off)} is not zero."
     if c.failed:
-        text += f" {amount(c.failed, 'run')} ended with a reservation: {reasons_in_words(c)}."
+        text += f" {number_of(c.failed, 'run')} ended with a reservation: {reasons_in_words(c)}."
     if large or off:
         return f"{text} Next: `gimbalcal diagnose` a simulated recording of this scenario."
     small = min(r.runs for r in rows) < 50

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gimbalcal.errors import amount
+from gimbalcal.errors import number_of
 from gimbalcal.words.naming import capitalised, list_in_words, name_in_words
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ MAX_NAMED = 3  # units and parameters that the answer names
 
 def fleet_in_words(f: FleetSummary) -> str:
     """Return whether all units are calibrated and alike, which are outside or failed, and what to do next."""
-    text = f"{amount(f.recordings, 'recording')} of {amount(f.units, 'unit')}"
+    text = f"{number_of(f.recordings, 'recording')} of {number_of(f.units, 'unit')}"
     if not any(r.method or r.verdict for r in f.reports):
         return f"None of {text} has a result: {f.reports[0].failure}. Next: correct them and run the batch again."
     text += f": {f.failed} failed" if f.failed else f" {'is' if f.recordings == 1 else 'are'} calibrated and diagnosed"
@@ -43,7 +43,7 @@ def prior_in_words(f: FleetSummary) -> str:
     """Return what became of a fleet that served as prior; empty where none did."""
     if not f.with_prior:
         return ""
-    prior = f"The fleet that was the prior of {amount(f.with_prior, 'calibration')} is taken out here"
+    prior = f"The fleet that was the prior of {number_of(f.with_prior, 'calibration')} is taken out here"
     return f"{prior}: these are the estimates of the units' own data."
 
 

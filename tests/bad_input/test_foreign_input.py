@@ -248,9 +248,9 @@ def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path, monkeypatch
     for _ in range(2):
         subprocess.run([sys.executable, "-c", KILLED], check=False, env=environment)
         assert len(list(tmp_path.iterdir())) > 1
-        with atomic.folder(Path("made")) as new:
+        with atomic.atomic_folder(Path("made")) as new:
             (new / "c").write_text("d")
-            with atomic.folder(Path("made")) as other:  # at work: its folder is no litter
+            with atomic.atomic_folder(Path("made")) as other:  # at work: its folder is no litter
                 (other / "e").touch()
         assert sorted(p.name for p in tmp_path.iterdir()) == [".made-12345678", "made"]
         assert sorted(p.name for p in Path("made").iterdir()) == ["c", "e"]

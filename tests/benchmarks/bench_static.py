@@ -27,10 +27,16 @@ import pytest
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values
-from gimbalcal.estimate.static_run.combined_coefficients import FITTED, MEANS, NAMES, matrix, operators
+from gimbalcal.estimate.static_run.combined_coefficients import (
+    FITTED,
+    MEANS,
+    NAMES,
+    channel_operators,
+    coefficient_matrix,
+)
 from gimbalcal.estimate.static_run.force_filter import (
-    accumulate,
-    estimate,
+    accumulated_information,
+    estimate_state,
     observation_matrix,
     projection,
     squared_norm,
@@ -110,8 +116,8 @@ def noise(run: Readings, rng: np.random.Generator, runs: int) -> Array:
 def errors(run: Readings, made: Array, drift: int = 0) -> Array:
     """Estimate less truth (13, runs) of every coefficient but the means."""
     d = run.residual()[:, :, None] + made
-    found = [p.apply(d[:, p.channels]) for p in operators(run, (), drift, "white")]
-    truth = matrix(LATITUDE, G, PARAMETERS) @ values(TABLE_2_3, PARAMETERS)
+    found = [p.apply(d[:, p.channels]) for p in channel_operators(run, (), drift, "white")]
+    truth = coefficient_matrix(LATITUDE, G, PARAMETERS) @ values(TABLE_2_3, PARAMETERS)
     keep = [NAMES.index(n) for n in THIRTEEN]
     return (np.concatenate(found) - truth[:, None])[keep]
 
@@ -123,11 +129,11 @@ def reconciled(run: Readings, e: Array, drift: int = 0) -> Array:
     """
     keep = [NAMES.index(n) for n in THIRTEEN]
     L = np.zeros((len(NAMES), len(NAMES)))
-    for p in operators(run, (), drift, "white"):
+    for p in channel_operators(run, (), drift, "white"):
         i = [NAMES.index(n) for n in p.names]
         L[np.ix_(i, i)] = p.covariance if "x1" in p.names else np.linalg.inv(_normal(run, drift)) * (SIGMA / G) ** 2
     whiten = np.linalg.inv(np.linalg.cholesky(L[np.ix_(keep, keep)]))
-    U, size, _ = np.linalg.svd(whiten @ matrix(LATITUDE, G, PARAMETERS)[keep], full_matrices=False)
+    U, size, _ = np.linalg.svd(whiten @ coefficient_matrix(LATITUDE, G, PARAMETERS)[keep], full_matrices=False)
     U = U[:, size > 1e-9 * size[0]]
     return np.asarray(np.linalg.solve(whiten, U @ (U.T @ (whiten @ e))))
 
@@ -160,9 +166,9 @@ def every_sample(hours: float, rate: float, seed: int) -> tuple[Array, Array, Ar
     direction, sigma = run.direction, SIGMA
     d = run.residual()[:, :3] + made[:, :3, 0]
     H = observation_matrix(direction)
-    truth = (matrix(LATITUDE, G, PARAMETERS) @ values(TABLE_2_3, PARAMETERS))[0]
+    truth = (coefficient_matrix(LATITUDE, G, PARAMETERS) @ values(TABLE_2_3, PARAMETERS))[0]
     z = (projection(d, direction, G), squared_norm(G * direction + d, G), squared_norm(G * direction + d, G, sigma))
-    x1 = np.array([estimate(accumulate(one, H, (SIGMA / G) ** 2)).x[0] - truth for one in z])
+    x1 = np.array([estimate_state(accumulated_information(one, H, (SIGMA / G) ** 2)).x[0] - truth for one in z])
     return errors(run, made)[:, 0], errors(blocks(hours, rate), means)[:, 0], x1
 
 
@@ -189,7 +195,7 @@ def plain_errors(hours: float, *, bins: bool) -> Array:
     x = np.array([a[0], -a[2] / C, -a[1] / C, a[4] / C**2, a[3] / C**2])
     roll, pitch = (plain_fourier(run.stimulus.time, run.phase, d[:, run.channels.index(("attitude_error", k))],
                                  bins=bins)[1:] for k in ("roll", "pitch"))  # fmt: skip
-    truth = matrix(LATITUDE, G, PARAMETERS) @ values(TABLE_2_3, PARAMETERS)
+    truth = coefficient_matrix(LATITUDE, G, PARAMETERS) @ values(TABLE_2_3, PARAMETERS)
     return np.concatenate([x, roll, pitch]) - truth[[NAMES.index(n) for n in THIRTEEN]]
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.calibration.provenance import Options, Provenance
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, Stage, absent, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Stage, parameters, with_values, zero_effect
 from gimbalcal.effects.accelerometer import Bias
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition
@@ -61,7 +61,7 @@ def drawn(effect_id, seed):
     cls = CATALOGUE[effect_id]
     wanted = parameters(cls, SPACE_STABLE.axis_names)
     x = np.array([p.sigma for p in wanted]) * rng.uniform(-2, 2, len(wanted))
-    made = with_values((absent(cls, SPACE_STABLE.axis_names),), wanted, x, SPACE_STABLE.axis_names)
+    made = with_values((zero_effect(cls, SPACE_STABLE.axis_names),), wanted, x, SPACE_STABLE.axis_names)
     return made[0]
 
 

@@ -10,7 +10,7 @@ import pytest
 from gimbalcal.calibration import Calibration, Residual, from_dict
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
-from gimbalcal.estimate.static_run.system import static, static_readings
+from gimbalcal.estimate.static_run.system import calibrate_static_run, static_readings
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.kinematics import navigation_to_platform, stimulus_from_angles
@@ -62,7 +62,7 @@ def from_static_run(r):
     every = parameters(CATALOGUE["gimbal_zero"], r.platform.axis_names)
     inner = with_values((), every[1:2], np.array([ZEROS["inner"] * ARCSEC]), r.platform.axis_names)
     polar = [p for p in parameters(CATALOGUE["polar_axis_misalignment"]) if p.axis == "polar"]
-    made = static(static_readings(r), inner, (every[0], *every[2:], *polar))
+    made = calibrate_static_run(static_readings(r), inner, (every[0], *every[2:], *polar))
     x = values(made.effects, every)
     return replace(made, effects=with_values((), every, x, SPACE_STABLE.axis_names), parameters=every,
                    covariance=np.eye(4))  # fmt: skip

@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.calibration.mount_correction import SENSORS, mount
-from gimbalcal.effects import CATALOGUE, Stage, absent, parameters, values, with_values
+from gimbalcal.effects import CATALOGUE, Stage, parameters, values, with_values, zero_effect
 from gimbalcal.forward import predict
 from gimbalcal.kinematics import ideal_force, stimulus_from_angles, stimulus_from_readings
 from gimbalcal.number import Array
@@ -120,7 +120,7 @@ def drawn_for(name, recording):
     names = recording.platform.axis_names
     wanted = parameters(CATALOGUE[name], names)
     x = np.array([p.sigma for p in wanted]) * np.random.default_rng(4).uniform(-2, 2, len(wanted))
-    return with_values((absent(CATALOGUE[name], names),), wanted, x, names)[0]
+    return with_values((zero_effect(CATALOGUE[name], names),), wanted, x, names)[0]
 
 
 def test_nothing_is_taken_off_where_nothing_is_known_of_the_mount():

@@ -5,7 +5,7 @@ from pathlib import Path
 from signal import SIGKILL
 from typing import Any
 
-from gimbalcal.campaign.task import Task, compute
+from gimbalcal.campaign.task import Task, compute_runs
 
 
 def dies_once(task: Task, runs: range) -> dict[str, list[Any]]:
@@ -14,11 +14,11 @@ def dies_once(task: Task, runs: range) -> dict[str, list[Any]]:
     if runs.start == 20 and not marker.exists():
         marker.touch()
         os.kill(os.getpid(), SIGKILL)
-    return compute(task, runs)
+    return compute_runs(task, runs)
 
 
 def always_dies(task: Task, runs: range) -> dict[str, list[Any]]:
     """Every worker that gets runs 20 to 29 is killed."""
     if runs.start == 20:
         os.kill(os.getpid(), SIGKILL)
-    return compute(task, runs)
+    return compute_runs(task, runs)

@@ -20,11 +20,11 @@ from gimbalcal.campaign import run_campaign
 from gimbalcal.campaign import workers as campaign_workers
 from gimbalcal.campaign.campaign_folder import CampaignFolder
 from gimbalcal.campaign.monte_carlo import lost_share
-from gimbalcal.campaign.task import Task, _comparable, compute, seed_of, task
-from gimbalcal.campaign.workers import connect, here, processes
+from gimbalcal.campaign.task import Task, comparable_truth, compute_runs, seed_of, task
+from gimbalcal.campaign.workers import compute_in_process, compute_in_processes, connect
 from gimbalcal.effects import parameters
 from gimbalcal.effects.accelerometer import Misalignment, angles_of
-from gimbalcal.effects.effect import MISALIGNMENT_AXES, tied
+from gimbalcal.effects.effect import MISALIGNMENT_AXES, without_gauge
 from gimbalcal.effects.gyroscope import GyroMisalignment
 from gimbalcal.errors import InputError
 from tests.campaign.deadly import always_dies, dies_once
@@ -42,15 +42,15 @@ def collected(results):
 
 
 def test_workers_and_a_death_change_no_digit(tmp_path):
-    alone = collected(here(partial(compute, small()), SHARES))
+    alone = collected(compute_in_process(partial(compute_runs, small()), SHARES))
     marker = str(tmp_path / "marker")
-    assert collected(processes(partial(dies_once, small(marker)), SHARES, 2, lost_share)) == alone
+    assert collected(compute_in_processes(partial(dies_once, small(marker)), SHARES, 2, lost_share)) == alone
     assert Path(marker).exists()
 
 
 def test_a_share_that_keeps_killing_workers_is_named():
     with pytest.raises(InputError, match="runs 20 to 29 ended their worker 3 times"):
-        collected(processes(partial(always_dies, small()), SHARES, 2, lost_share))
+        collected(compute_in_processes(partial(always_dies, small()), SHARES, 2, lost_share))
 
 
 def test_one_file_with_the_statistics_of_the_bench(tmp_path):
@@ -179,7 +179,7 @@ def test_damaged_shares_are_computed_again(tmp_path):
     sound = CampaignFolder(tmp_path / "d", whole, 300)
     sound.open()
     for share in sound.shares():
-        sound.keep(share, next(here(partial(compute, whole), [share]))[1])
+        sound.keep(share, next(compute_in_process(partial(compute_runs, whole), [share]))[1])
     names = sorted(p.name for p in sound.parts.glob("*.parquet"))
     for part in sound.parts.glob("*.parquet"):
         content = bytearray(part.read_bytes())
@@ -265,7 +265,7 @@ attitude = { value = 0.5, unit = "arcsec" }
 [truth]
 draw = true
 """
-    made = compute(Task("turned", text, "static-run", 5, "three-stage", 4), range(8))
+    made = compute_runs(Task("turned", text, "static-run", 5, "three-stage", 4), range(8))
     assert not any(made["outcome"])
     z = (np.array(made["estimate"]) - np.array(made["truth"])) / np.array(made["sigma"])
     names = np.array(made["parameter"])
@@ -279,8 +279,8 @@ def test_truth_is_turned_into_the_frame_of_the_estimate():
     rng = np.random.default_rng(2)
     beta, gamma = 1e-4 * rng.standard_normal((2, 6))
     truth = (Misalignment(beta=beta), GyroMisalignment(beta=gamma))
-    wanted = tied([p for e in truth for p in parameters(type(e))])
-    found = {p.label: x for p, x in zip(wanted, _comparable(truth, wanted, "multiposition"), strict=True)}
+    wanted = without_gauge([p for e in truth for p in parameters(type(e))])
+    found = {p.label: x for p, x in zip(wanted, comparable_truth(truth, wanted, "multiposition"), strict=True)}
     m = matrices(truth)
     # M = L Q with L lower triangular: Q carries the drawing's frame into the one of the estimate
     Q = np.linalg.qr(m["Ma"].T)[0].T

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from gimbalcal.checks.input_errors import PERMUTATIONS, scaled
-from gimbalcal.checks.measured_turns import RATE, MeasuredTurns, agree, turns_of
+from gimbalcal.checks.input_errors import PERMUTATIONS, scale_correction
+from gimbalcal.checks.measured_turns import RATE, MeasuredTurns, turns_of, turns_that_agree
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import frame_rotation
 
 RIGHT = np.pi / 2
-AS_READ = scaled(RATE, TRIAD, 1.0, "")
+AS_READ = scale_correction(RATE, TRIAD, 1.0, "")
 
 
 @pytest.mark.parametrize("steps", [2, 3, 5])
@@ -30,7 +30,7 @@ def test_a_later_step_of_a_turn_is_about_the_axes_as_the_earlier_ones_left_them(
 def test_a_turn_agrees_that_ends_within_fifteen_degrees_of_gravity(off, close):
     before, after = (np.array([[[0.0], [np.sin(a)], [np.cos(a)]]]) for a in np.radians([0.0, 90.0]))
     turn = MeasuredTurns([], [], before, after)  # what lay along z lies along y: turned by 90 deg about x
-    assert agree(turn, frame_rotation("x", np.radians(90.0 + off))[None]) == close
+    assert turns_that_agree(turn, frame_rotation("x", np.radians(90.0 + off))[None]) == close
 
 
 def in_turns(angles, creep=0.0):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.checks.jitter import jitter_of, regular
+from gimbalcal.checks.jitter import jitter_of, regular_clock
 from gimbalcal.recording import read
 from tests.golden import golden_text, refused
 
@@ -108,7 +108,7 @@ def test_regular_is_for_the_time(tmp_path):
     for old, new in (('unit = "s"', 'unit = "s", regular = 3'), ('unit = "rad/s"', 'unit = "rad/s", regular = true')):
         with refused():
             recording(tmp_path, true, motion(true), HEADER.replace(old, new, 1))
-    assert regular(np.zeros(10), np.arange(10)) is None
+    assert regular_clock(np.zeros(10), np.arange(10)) is None
 
 
 def test_noise_alone_is_as_rough_on_either_clock():

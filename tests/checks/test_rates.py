@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.checks.check import Examined, examine
+from gimbalcal.checks.check import Examined, make_checks
 from gimbalcal.checks.input_errors import PERMUTATIONS
 from gimbalcal.checks.rates import CHECKS
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array, apply_matrix
-from gimbalcal.platform import BENCH, known
+from gimbalcal.platform import BENCH, known_platform
 from gimbalcal.recording import Recording, Site
 from gimbalcal.rotation import exponential
 from gimbalcal.units import to_si
@@ -57,14 +57,14 @@ def changed(recording, M, quantity=RATE):
 
 def said(recording):
     with pytest.raises(InputError) as caught:
-        examine(Examined(recording), CHECKS)
+        make_checks(Examined(recording), CHECKS)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_errors_that_a_calibration_takes_pass(seed):
-    assert examine(Examined(in_the_hand(seed=seed)), CHECKS) == ()
+    assert make_checks(Examined(in_the_hand(seed=seed)), CHECKS) == ()
 
 
 @pytest.mark.parametrize("change", PERMUTATIONS[1:], ids=str)
@@ -109,7 +109,7 @@ def test_counts_are_tried_too(M):
     raw = changed(in_the_hand(), 5000.0 * M)
     raw = replace(raw, units={key: "count" if key[0] == RATE else u for key, u in raw.units.items()})
     if M[0, 0] > 0:
-        assert examine(Examined(raw), CHECKS) == ()
+        assert make_checks(Examined(raw), CHECKS) == ()
     else:
         golden_text(said(raw))
 
@@ -121,17 +121,17 @@ def test_turns_about_the_vertical_are_told_by_gimbals():
     rate = np.where(position == 0, 2.0, 0.0)
     angle = np.cumsum(rate) * STEP
     channels = {(RATE, "x"): 0 * rate, (RATE, "y"): 0 * rate, (RATE, "z"): rate, ("gimbal_angle", "azimuth"): angle}
-    table = known("rate-table", "multi-position")
+    table = known_platform("rate-table", "multi-position")
     channels = {(q, table.axis_names[0] if q == "gimbal_angle" else a): x for (q, a), x in channels.items()}
     right = Recording("multi-position", "test", table, Site(), {}, STEP * np.arange(len(rate)), position, channels)
-    assert examine(Examined(right), CHECKS) == ()
+    assert make_checks(Examined(right), CHECKS) == ()
     golden_text(said(changed(right, -np.eye(3))))
 
 
 def test_nothing_is_refused_and_it_is_said_where_nothing_turns():
     still = in_the_hand()
     rows = (still.position is not None) & (still.position == 1)
-    (sentence,) = examine(Examined(still.select(rows)), CHECKS)
+    (sentence,) = make_checks(Examined(still.select(rows)), CHECKS)
     golden_text(sentence)
 
 
@@ -139,7 +139,7 @@ def test_nothing_is_refused_and_it_is_said_where_nothing_turns():
 def test_the_earth_at_rest_tells_where_no_turn_was_logged(M):
     whole = in_the_hand(latitude=np.radians(50.0), level=1e-7)
     rests = whole.select(np.asarray(whole.position) > 0)
-    assert examine(Examined(rests), CHECKS) == ()
+    assert make_checks(Examined(rests), CHECKS) == ()
     golden_text(said(changed(rests, M)))
 
 
@@ -147,4 +147,4 @@ def test_accelerometers_that_are_all_reversed_show_only_in_the_earths_rate():
     seen = in_the_hand(latitude=np.radians(50.0), level=1e-7)
     message = said(changed(seen, -np.eye(3), FORCE))
     golden_text(message)
-    assert examine(Examined(changed(in_the_hand(), -np.eye(3), FORCE)), CHECKS) == ()
+    assert make_checks(Examined(changed(in_the_hand(), -np.eye(3), FORCE)), CHECKS) == ()

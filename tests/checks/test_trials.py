@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.checks.input_errors import Correction, in_other_units, scaled, trials
+from gimbalcal.checks.input_errors import Correction, in_other_units, scale_correction, successful_trials
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.errors import InputError
 from tests.checks.test_table import multi_position
@@ -30,7 +30,7 @@ def test_the_first_that_suffices_or_the_first_of_the_best(options, named):
         tried.append(candidate)
         return MISFITS[candidate]
 
-    found = trials(MISFITS, misfit, **options)
+    found = successful_trials(MISFITS, misfit, **options)
     assert "".join(t.candidate for t in found) == named
     assert [t.misfit for t in found] == [MISFITS[name] for name in named]
     assert tried == list(MISFITS)[: len(tried)]
@@ -43,9 +43,9 @@ def test_a_correction_under_which_a_recording_is_refused_does_not_agree():
             raise InputError("no")
         return MISFITS[candidate]
 
-    assert [t.candidate for t in trials(MISFITS, misfit)] == ["c"]
-    assert trials("de", misfit) == trials([], misfit) == ()
-    assert [t.candidate for t in trials("ab", lambda _: np.nan)] == ["a"]
+    assert [t.candidate for t in successful_trials(MISFITS, misfit)] == ["c"]
+    assert successful_trials("de", misfit) == successful_trials([], misfit) == ()
+    assert [t.candidate for t in successful_trials("ab", lambda _: np.nan)] == ["a"]
 
 
 def test_units_are_those_that_the_columns_do_not_state():
@@ -60,7 +60,7 @@ def test_units_are_those_that_the_columns_do_not_state():
 
 def test_a_correction_changes_channels_scatter_clock_and_place_alone():
     recording = multi_position()
-    correction = scaled("specific_force", ("y",), -2.0, "")
+    correction = scale_correction("specific_force", ("y",), -2.0, "")
     assert correction.reversed("specific_force") == ("y",)
     assert correction.factor("specific_force") == -2.0
     other = Correction("", matrices=correction.matrices, clock=60.0, latitude=0.5).corrected(recording)

@@ -9,9 +9,9 @@ import pytest
 
 import gimbalcal
 from gimbalcal.calibration import Provenance
-from gimbalcal.campaign.task import compute, task
+from gimbalcal.campaign.task import compute_runs, task
 from gimbalcal.effects import CATALOGUE, loading
-from gimbalcal.effects.loading import breach, load_effects, load_installed
+from gimbalcal.effects.loading import contract_breach, load_effects, load_installed
 from gimbalcal.errors import InputError
 from tests.fuzzing.seeds import LAW
 from tests.golden import golden_text, refused
@@ -195,13 +195,13 @@ def test_workers_of_a_campaign_load_it_themselves(own):
     assert what.identity["effects"] != []
     del CATALOGUE["twisted_spring"]  # as in a new process
     loading._loaded.clear()
-    assert {"bias:x", "bias:z"} <= set(compute(what, range(1))["parameter"])
+    assert {"bias:x", "bias:z"} <= set(compute_runs(what, range(1))["parameter"])
     assert "twisted_spring" in CATALOGUE
 
 
 @pytest.mark.parametrize("effect", sorted(CATALOGUE))
 def test_the_catalogue_keeps_the_contract_that_it_asks_of_others(effect):
-    assert breach(CATALOGUE[effect]) == ""
+    assert contract_breach(CATALOGUE[effect]) == ""
 
 
 def test_the_catalogue_prints_constants_with_their_range(command, capsys):

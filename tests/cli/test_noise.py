@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal import from_arrays
-from gimbalcal.at_rest import StatedNoise, header, in_words, noise_at_rest
+from gimbalcal.at_rest import StatedNoise, in_words, noise_at_rest, noise_header
 from gimbalcal.earth import G0
 from gimbalcal.recording import write
 from tests.golden import golden_text, refused
@@ -41,7 +41,7 @@ def test_density_is_found_in_one_rest_and_in_many(turns):
         assert abs(white.value - size) < 4 * white.sigma < 0.1 * size
         assert not c.coefficient(1).significant
         assert c.coefficient(1).below > 0
-    stated = header(channels)
+    stated = noise_header(channels)
     assert stated["accelerometer"] == StatedNoise(pytest.approx(100 * UG * np.sqrt(50), rel=0.03), "m/s^2")
     assert stated["gyroscope"] == StatedNoise(pytest.approx(0.3 * DEG / 60 * np.sqrt(50), rel=0.03), "rad/s")
 
@@ -81,7 +81,7 @@ def test_a_platform_that_stands_still_does_not_wander_with_the_earth():
     for c in noise_at_rest(read(STATIC)):
         assert not c.coefficient(1).significant
         assert not c.coefficient(2).significant
-    stated = header(noise_at_rest(read(STATIC)))
+    stated = noise_header(noise_at_rest(read(STATIC)))
     assert stated["accelerometer"].value == pytest.approx(4 * UG, rel=0.03)  # its scenario says 4 ug
 
 
@@ -95,7 +95,7 @@ def test_a_header_states_nothing_of_a_curve_that_is_no_white_noise():
     hum = 0.05 * np.sin(2 * np.pi * 0.7 * r.time)  # a table that swings
     swings = {key: x + hum if key[0] == "specific_force" else x for key, x in r.channels.items()}
     channels = noise_at_rest(replace(r, channels=swings))
-    assert list(header(channels)) == ["gyroscope"]
+    assert list(noise_header(channels)) == ["gyroscope"]
     assert "accelerometer x, accelerometer y, accelerometer z follow no such law" in in_words(channels)
     channels = noise_at_rest(r.with_channels({FORCE_X: swings[FORCE_X]}))
     words = in_words(channels)

@@ -126,7 +126,7 @@ def test_a_wrong_sign_in_the_package_is_seen(monkeypatch):
     from derivations.wu2018 import package_static
     from gimbalcal.estimate.static_run import combined_coefficients as combined
 
-    right = combined.matrix
+    right = combined.coefficient_matrix
 
     def wrong(latitude, gravity, wanted):
         made = right(latitude, gravity, wanted)
@@ -134,7 +134,7 @@ def test_a_wrong_sign_in_the_package_is_seen(monkeypatch):
         return made
 
     assert package_static.coefficient_matrix() < 1e-12  # roundings of numbers of order one
-    monkeypatch.setattr(combined, "matrix", wrong)
+    monkeypatch.setattr(combined, "coefficient_matrix", wrong)
     assert package_static.coefficient_matrix() == pytest.approx(2 * np.sin(LATITUDE))
     assert "PACKAGE DIFFERS" in str(comparison.compare("001", "Eq. (39)"))
 

@@ -17,7 +17,7 @@ from gimbalcal.effects.effect import (
     parameter,
 )
 from gimbalcal.effects.effect import effect as entered
-from gimbalcal.effects.history import integral, integrated, late
+from gimbalcal.effects.history import integral, integrated, lagged_states
 from gimbalcal.number import Array, cos, exp, sin
 
 BOTH = ("rotation", "multi-position")
@@ -93,7 +93,7 @@ def enter() -> tuple[str, ...]:
         tau: float = constant(600.0, unit="s", low=60.0, high=3600.0, grid=Grid.LAG)
 
         def contribution(self, s: Stimulus) -> Array:
-            followed = late(np.asarray(s.covariates["vibration"])[:, None], self.tau, np.ones(3))
+            followed = lagged_states(np.asarray(s.covariates["vibration"])[:, None], self.tau, np.ones(3))
             return self.k * s.force * integrated(followed, s.time)
 
     @entered

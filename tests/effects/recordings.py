@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, absent, parameters
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stimulus, parameters, zero_effect
 from gimbalcal.effects.effect import constants as constants_of
 from gimbalcal.forward import angular_rate
 from gimbalcal.kinematics import stimulus_from_angles
@@ -94,7 +94,7 @@ def experienced(kind: str) -> Stimulus:
 
 def ready(name: str, kind: str = "multi-position") -> Effect:
     """The absent effect, and the channel named for those that take any covariate."""
-    made = absent(CATALOGUE[name], RECORDINGS[kind].platform.axis_names)
+    made = zero_effect(CATALOGUE[name], RECORDINGS[kind].platform.axis_names)
     given = {"covariate": "supply_voltage"} if any(f.name == "covariate" for f in fields(made)) else {}
     return replace(made, **given)
 

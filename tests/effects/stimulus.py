@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, Effect, Stimulus, absent, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Stimulus, parameters, with_values, zero_effect
 from gimbalcal.number import Array
 
 GIMBALS = ("platform", "inner", "middle", "outer")
@@ -68,7 +68,7 @@ def given(seed: int = 1) -> Stimulus:
 def drawn(cls: type[Effect], seed: int = 2) -> Effect:
     """The effect with every parameter random, of the size of its prior, and every constant inside its limits."""
     rng = np.random.default_rng(seed)
-    made = absent(cls, GIMBALS)
+    made = zero_effect(cls, GIMBALS)
     wanted = parameters(cls, GIMBALS, constants=True)
     limits = {f.name: (f.metadata["low"], f.metadata["high"]) for f in fields(cls) if "low" in f.metadata}
     x = [_constant(rng, *limits[p.field]) if p.field in limits else p.sigma * rng.uniform(0.5, 2) * rng.choice([-1, 1])
@@ -105,4 +105,4 @@ def example(name: str, cls: type[Effect] | None = None) -> Effect:
 
 def made(name: str, gimbals: tuple[str, ...] = GIMBALS, **given: Any) -> Effect:
     """An effect with these values (SI), the others zero."""
-    return replace(absent(CATALOGUE[name], gimbals), **{k: np.array(v) for k, v in given.items()})
+    return replace(zero_effect(CATALOGUE[name], gimbals), **{k: np.array(v) for k, v in given.items()})

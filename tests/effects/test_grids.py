@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.effect import Effect, Grid, constant, constants
-from gimbalcal.effects.grids import MIN_SETTING_STEP_RAD, between, grid, highest_order, limits
+from gimbalcal.effects.grids import MIN_SETTING_STEP_RAD, grid, highest_order, limits, values_between
 from gimbalcal.kinematics import stimulus_from_angles
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record
@@ -78,7 +78,7 @@ def test_a_positive_value_has_even_ratios_and_a_signed_one_even_steps():
     x, y = grid(FIELDS["value"], HELD), grid(FIELDS["signed"], HELD)
     assert np.allclose(np.diff(np.log(x)), np.log(100) / 6)
     assert np.allclose(np.diff(y), 2 / 6)
-    assert between(FIELDS["value"], 3.0, 3.0, 7).tolist() == [3.0]
+    assert values_between(FIELDS["value"], 3.0, 3.0, 7).tolist() == [3.0]
 
 
 def test_an_instant_is_the_beginning_of_a_visit_or_any_where_nothing_moves():

@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from gimbalcal.effects.history import Dynamics, direction, integral, late, recursion, slope, smoothed_rate, states
+from gimbalcal.effects.history import (
+    Dynamics,
+    direction,
+    integral,
+    lagged_states,
+    recursion,
+    slope,
+    smoothed_rate,
+    states,
+)
 
 ONE = np.ones(3)
 TIME = np.cumsum(np.random.default_rng(1).uniform(0.1, 40.0, 200))
@@ -20,7 +29,7 @@ def test_recursion_is_the_loop_it_replaces():
 
 
 def lag(x, tau):
-    return states(late(x[:, None], tau, ONE), TIME)[:, 0]
+    return states(lagged_states(x[:, None], tau, ONE), TIME)[:, 0]
 
 
 @pytest.mark.parametrize("tau", [0.5, 30.0, 1e5])
@@ -47,8 +56,8 @@ def test_nothing_is_remembered_where_a_clock_begins_anew():
     t = np.linspace(0.0, 900.0, 31)
     drive = np.sin(t / 200)[:, None]
     both, again = np.concatenate([t, t]), np.concatenate([drive, 3 + drive])
-    late_by = states(late(again, 300.0, np.ones(1)), both)
-    np.testing.assert_allclose(late_by[31:], states(late(3 + drive, 300.0, np.ones(1)), t), atol=1e-5)
+    late_by = states(lagged_states(again, 300.0, np.ones(1)), both)
+    np.testing.assert_allclose(late_by[31:], states(lagged_states(3 + drive, 300.0, np.ones(1)), t), atol=1e-5)
     rate = smoothed_rate(again[:, 0], both, 100.0)
     np.testing.assert_allclose(rate[31:], smoothed_rate(drive[:, 0], t, 100.0), atol=1e-4)
     np.testing.assert_allclose(rate[:31], smoothed_rate(drive[:, 0], t, 100.0), atol=1e-4)
@@ -82,7 +91,7 @@ COARSE = np.repeat([0.0, 2.0, 3.0, 7.0, 8.0], [1, 3, 2, 4, 1])  # stamps of a cl
 @pytest.mark.parametrize("tau", [0.3, 20.0])
 def test_rows_that_are_stamped_alike_are_the_limit_of_rows_that_are_not(tau):
     x, apart = np.cos(np.arange(11.0)), COARSE + 1e-7 * np.arange(11)
-    alike, near = (states(late(x[:, None], tau, ONE), t)[:, 0] for t in (COARSE, apart))
+    alike, near = (states(lagged_states(x[:, None], tau, ONE), t)[:, 0] for t in (COARSE, apart))
     np.testing.assert_allclose(alike, near, atol=1e-5)
     np.testing.assert_allclose(smoothed_rate(x, COARSE, tau), smoothed_rate(x, apart, tau), atol=1e-5)
 

@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
-from gimbalcal.estimate.static_run.system import fuse
+from gimbalcal.estimate.static_run.system import fuse_stages
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.inference.information import information, solve
 from gimbalcal.platform import SPACE_STABLE, SPACE_STABLE_INERTIAL
@@ -58,7 +58,7 @@ def fused(seed, noisy=True):
     d = device(true, rng)
     recording = run(true, rng)
     first = before(d)
-    return first, fuse(d, static_information(recording, true), first), true
+    return first, fuse_stages(d, static_information(recording, true), first), true
 
 
 def test_the_stage_says_what_the_static_run_gains():
@@ -129,7 +129,7 @@ def test_contradicting_stages_are_told():
     x = values(true, eighteen_coefficients())
     x[0] += 20e-6  # the scale factor of x moved by 20 ppm between the stages
     moved = with_values((), eighteen_coefficients(), x, NAMES)
-    both = fuse(d, static_information(run(moved, rng), moved), before(d))
+    both = fuse_stages(d, static_information(run(moved, rng), moved), before(d))
     golden_text(both.outcome)
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gimbalcal.estimate.gyroscopes.against_attitude import SIGNIFICANCE, thirds
+from gimbalcal.estimate.gyroscopes.against_attitude import SIGNIFICANCE, fit_thirds
 from gimbalcal.estimate.noise_memory import added_by_memory
 from tests.stimuli import remembering
 
@@ -58,7 +58,7 @@ def test_thirds_of_rows_that_remember_are_alike():
         for each, wide in zip(p_values, (np.ones(2), widening), strict=True):
             fitted = SimpleNamespace(views=(view,), whitened=(J, r), widening=wide,
                                      solution=SimpleNamespace(x=x, parameters=own))  # fmt: skip
-            each.append(thirds(fitted).p_value())
+            each.append(fit_thirds(fitted).p_value())
     assert np.mean(np.array(p_values[0]) < SIGNIFICANCE) > 0.5
     assert np.mean(np.array(p_values[1]) < SIGNIFICANCE) < 0.06
 

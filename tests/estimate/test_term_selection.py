@@ -5,7 +5,7 @@ import pytest
 
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR, TERMS, multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import FURTHER, gyroscopes_between_rests
-from gimbalcal.estimate.term_selection import FALSE_TERM_RATE, TRIADS, needed
+from gimbalcal.estimate.term_selection import FALSE_TERM_RATE, TRIADS, needed_significance
 from tests.estimate.accelerometers.test_multiposition import TRUTH as FORCES
 from tests.estimate.accelerometers.test_multiposition import rested, scattered
 from tests.estimate.gyroscopes.test_between_rests import TRUTH as RATES
@@ -21,7 +21,7 @@ def test_the_largest_of_what_was_tried_exceeds_it_as_rarely_as_promised(tried, d
     scale = 1.0 if np.isinf(dof) else np.sqrt(rng.chisquare(dof, (runs, tried)) / dof)
     largest = np.abs(rng.standard_normal((runs, tried)) / scale).max(axis=1)
     # independent numbers use up the bound but for its square; 500 +- 22 of them, 4 sigma
-    assert np.mean(largest > needed(tried, dof)) == pytest.approx(FALSE_TERM_RATE / TRIADS, abs=9e-4)
+    assert np.mean(largest > needed_significance(tried, dof)) == pytest.approx(FALSE_TERM_RATE / TRIADS, abs=9e-4)
 
 
 def test_forces_without_further_terms_stay_without():

@@ -17,7 +17,7 @@ from gimbalcal.cli import gimbalcal
 from gimbalcal.errors import InputError
 from gimbalcal.fleet import batch, run_batch
 from gimbalcal.fleet.fleet_summary import fleet_summary
-from gimbalcal.fleet.unit_recording import BatchTask, UnitRecording, entries_of, failed, recordings_of
+from gimbalcal.fleet.unit_recording import BatchTask, UnitRecording, entries_of, failure_entry, recordings_of
 from gimbalcal.history import StoredResult, kept_entries, of_store
 from gimbalcal.history.fleet import fleet_of_store
 from gimbalcal.recording import Source, write
@@ -192,7 +192,7 @@ def test_failures_are_counted_by_recording_and_units_by_sensor():
     recording = UnitRecording("rigs/rig-000", "rig-000", (Source("recording.toml", "same"),))
     made = [StoredResult(f"rig-000 {s}", START.isoformat(), "calibration", calibration(np.zeros(6), k).to_dict())
             for k, s in enumerate("ab")]  # fmt: skip
-    why = failed(BatchTask(), recording, "there are too few positions", "b", lasting=True)
+    why = failure_entry(BatchTask(), recording, "there are too few positions", "b", lasting=True)
     summary, _, _ = fleet_summary({recording.folder: [*made, why]})
     assert (summary.units, summary.failed, summary.recordings) == (2, 1, 1)
     assert [r.failure for r in summary.reports] == ["", "there are too few positions"]

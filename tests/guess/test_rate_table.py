@@ -7,7 +7,7 @@ from gimbalcal.checks.driven_rates import driven_turn
 from gimbalcal.guess.column_names import axis_word, by_name
 from gimbalcal.guess.proposal import propose
 from gimbalcal.platform import KNOWN, Axis, Platform
-from gimbalcal.quantities import check
+from gimbalcal.quantities import refuse_unit
 from gimbalcal.rotation import rotation_vector
 from tests.golden import golden_text, refused
 
@@ -150,7 +150,7 @@ def test_a_rate_of_a_table_is_no_angle_of_it():
 
 def test_a_header_that_calls_a_rate_an_angle_is_told_what_adds_it_up():
     with refused():
-        check("deg/s", "gimbal_angle")
+        refuse_unit("deg/s", "gimbal_angle")
 
 
 def test_the_chain_s_rate_is_that_of_its_attitude():

@@ -89,8 +89,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("checks.input_errors", "Correction.of", "self.matrices[quantity][1].T", "self.matrices[quantity][1]"),
     ),
     "checks/test_trials.py": (
-        ("checks.input_errors", "trials", "trial.misfit <= sufficient", "trial.misfit < sufficient"),
-        ("checks.input_errors", "trials", "tolerance * least", "least"),
+        ("checks.input_errors", "successful_trials", "trial.misfit <= sufficient", "trial.misfit < sufficient"),
+        ("checks.input_errors", "successful_trials", "tolerance * least", "least"),
         ("checks.input_errors", "Correction.corrected", "self.clock * recording.time", "recording.time"),
         ("checks.input_errors", "in_other_units", "to_si(1.0, unit) / to_si(1.0, one)",
          "to_si(1.0, one) / to_si(1.0, unit)"),
@@ -108,7 +108,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "checks/test_gravity_turns.py": (
         ("checks.input_errors", "AxisPermutation.inverse", "sign * self.matrix.T", "sign * self.matrix"),
-        ("rotation", "composed", "C[:, 1::2] @ C[:, : n - n % 2 : 2]", "C[:, : n - n % 2 : 2] @ C[:, 1::2]"),
+        ("rotation", "composed_rotation", "C[:, 1::2] @ C[:, : n - n % 2 : 2]", "C[:, : n - n % 2 : 2] @ C[:, 1::2]"),
         ("checks.measured_turns", "turns_of", "(level[k] + level[k + 1]) / 2", "level[k]"),
         ("checks.measured_turns", "MeasuredTurns.deviation", "2 * np.arcsin(", "np.arcsin("),
     ),
@@ -173,7 +173,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("navigate.static_run", "_errors", "- site.phase - EARTH_RATE *", "- site.phase + EARTH_RATE *"),
         ("navigate.static_run", "_errors", "= -navigator_attitude_error", "= navigator_attitude_error"),
         ("navigate.static_run", "horizontal_distance", "M, N = radii", "N, M = radii"),
-        ("navigate.static_run", "_navigator_input", "1 + shortening", "1 - shortening"),
+        ("navigate.static_run", "_navigator_input", "1 + mean_shortening", "1 - mean_shortening"),
         ("navigate.uncertainty", "sampled_sigma", "V * np.sqrt(np.maximum(w, 0.0))", "V * np.maximum(w, 0.0)"),
         ("navigate.summary", "_position", "run.position / NAUTICAL_MILE", "run.position"),
         ("navigate.summary", "_position", "np.mean(error**2)", "np.mean(error)"),
@@ -203,7 +203,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.verdict.joint_fit", "JointFit.without", " if c.effect != effect_id]", "]"),
     ),
     "diagnose/verdict/test_agreement.py": (
-        ("estimate.sharing", "agreement", "shared.dof - sum(s.dof for s in alone)", "shared.dof"),
+        ("estimate.sharing", "agreement_test", "shared.dof - sum(s.dof for s in alone)", "shared.dof"),
         ("diagnose.verdict.agreement", "_differences", "np.hypot(after.sigma[j], before.sigma[i])",
          "after.sigma[j]"),
         ("diagnose.verdict.agreement", "agreement_on_constants", "2 * min(shared.p_value, rarest",

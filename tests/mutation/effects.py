@@ -115,7 +115,7 @@ def _matrices_agree() -> bool:
     s, beta, rate = 1e-3 * np.arange(1.0, 4.0), 1e-3 * np.arange(1.0, 7.0), np.array([0.3, -0.5, 0.7])
     try:
         M = gyroscope.rate_matrix(s, beta)
-        leans = np.abs((1 + s) * (M @ rate) - rate - accelerometer.lean(beta, rate)).max() < NOTICED
+        leans = np.abs((1 + s) * (M @ rate) - rate - accelerometer.misalignment_error(beta, rate)).max() < NOTICED
         return bool(leans and np.abs(np.concatenate(gyroscope.of_rate_matrix(M)) - np.append(s, beta)).max() < NOTICED)
     except Exception:  # noqa: BLE001 - a mutant that cannot even be evaluated is noticed
         return False

@@ -10,7 +10,7 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.search.refit import start
 from gimbalcal.diagnose.search.stepwise import likeliest_missing
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.grade import graded
+from gimbalcal.estimate.grade import grade_of_unit
 from gimbalcal.recording import read
 from gimbalcal.views.norm import norm
 from tests.paths import XSENS
@@ -78,6 +78,6 @@ def test_the_drift_is_no_accident_of_the_order():
         view = norm(means)
         return likeliest_missing(start(view)).ln_total
 
-    (means,) = graded([read(XSENS)]).of([read(XSENS)])
+    (means,) = grade_of_unit([read(XSENS)]).of([read(XSENS)])
     assert odds(means) > CLAIM
     assert max(odds(shuffled(means, seed)) for seed in range(20)) < CLAIM - 1.0

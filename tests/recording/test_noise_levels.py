@@ -10,7 +10,7 @@ from gimbalcal.inference.white_noise import scaled_differences, white_sigma
 from gimbalcal.recording.noise_levels import header_coloured_noise, header_noise, sample_sigma
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import load
-from gimbalcal.simulate.simulation import noises
+from gimbalcal.simulate.simulation import noise_processes
 from tests.diagnose.plant import ARCSEC, UG, record
 
 AXES = [("specific_force", a) for a in "xyz"]
@@ -25,7 +25,7 @@ def test_the_header_of_a_simulation_states_the_processes_that_made_it():
     for name in ("wu2018-static", "wu2018-18"):
         scenario = load(name)
         recording, _ = simulate(scenario)
-        made = noises(scenario)
+        made = noise_processes(scenario)
         for quantity, (process,) in header_noise(recording).items():
             assert process in made[quantity]
             assert not isinstance(process, RandomWalk | GaussMarkov)

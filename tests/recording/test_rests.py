@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import rests
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import rests_joined_by_turns
 from gimbalcal.methods import calibrate
 from gimbalcal.recording import read, write
 from gimbalcal.recording.dwell import whole_means
@@ -101,7 +101,7 @@ def test_gyroscopes_at_rest_know_what_their_rows_are_means_of(tmp_path):
     r = gimballed(3, unit(), **QUICK)
     target = write(r, tmp_path / "rec")
     whole, means = read(target), read(target, most=len(r.time) // 2)
-    every, fewer = rests(whole, IDEAL), rests(means, IDEAL)
+    every, fewer = rests_joined_by_turns(whole, IDEAL), rests_joined_by_turns(means, IDEAL)
     np.testing.assert_allclose(fewer.evaluate(()).residual, every.evaluate(()).residual, atol=1e-12)
     sigma = [np.median(np.asarray(v.noise.sigma)) for v in (fewer, every)]
     np.testing.assert_allclose(sigma[0], sigma[1], rtol=0.15)

@@ -21,7 +21,7 @@ from gimbalcal.diagnose.library.candidates import (
 from gimbalcal.diagnose.library.shapes import shapes_in_outputs, shapes_of
 from gimbalcal.effects import CATALOGUE, Effect, Parameter
 from gimbalcal.effects.effect import Grid, constants, order_of
-from gimbalcal.effects.grids import Constant, kind, resolved
+from gimbalcal.effects.grids import Constant, kind, resolved_numbers
 from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
@@ -232,7 +232,7 @@ def _scanned(
 def every_number(v: View, cls: type[Effect]) -> tuple[Constant | None, Array]:
     """Return the constant of an effect that is a whole number, and those numbers that a scan looks at."""
     whole = next((f for f in constants(cls) if kind(f) is Grid.WHOLE), None)
-    return whole, np.zeros(0) if whole is None else resolved(whole, v.stimulus)
+    return whole, np.zeros(0) if whole is None else resolved_numbers(whole, v.stimulus)
 
 
 def weighed(variants: Sequence[Variant], scanned: int, every: Array) -> tuple[Variant, ...]:

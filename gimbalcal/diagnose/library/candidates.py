@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus
-from gimbalcal.effects.effect import constants, follows, lacking, order_of
+from gimbalcal.effects.effect import constants, followed_covariate, lacking_quantity, order_of
 from gimbalcal.effects.grids import grid, kind
 from gimbalcal.number import Array
 from gimbalcal.views.core import absent_effect
@@ -133,7 +133,12 @@ def eligible(
     the effect says.
     """
     role = cls.role
-    there = not role.excluded and cls.stage in stages and cls.shows_in(recording_kind) and not lacking(cls, s.carries)
+    there = (
+        not role.excluded
+        and cls.stage in stages
+        and cls.shows_in(recording_kind)
+        and not lacking_quantity(cls, s.carries)
+    )
     there = there and bool(np.ptp(s.readout, axis=0).max(initial=0.0) <= role.max_travel_rad)
     if scale_known:
         return there and not role.noise_realisation
@@ -145,7 +150,7 @@ def sources(cls: type[Effect], s: Stimulus) -> tuple[str, ...]:
 
     What an effect of its own says of a channel (pressure, supply_voltage) a generic one need not say as well.
     """
-    if follows(cls) != "":
+    if followed_covariate(cls) != "":
         return ("",)
     others = [other for other in CATALOGUE.values() if cls.role.generic and other.channel == cls.channel]
     own = {need for other in others for need in other.requires}

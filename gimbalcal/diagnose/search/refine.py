@@ -15,7 +15,7 @@ from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, with_values
 from gimbalcal.effects.effect import constants
-from gimbalcal.effects.grids import Constant, between, kind, limits
+from gimbalcal.effects.grids import Constant, kind, limits, values_between
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, absent_effect
 from gimbalcal.views.known_attitude import shifted_stimulus
@@ -71,7 +71,7 @@ def _narrowed(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tu
         flat = True
         for f in fields:
             tried = []
-            for value in np.clip(between(f, *ranges[f.name], FINE + 2)[1:-1], *limits(f, o.view.stimulus)):
+            for value in np.clip(values_between(f, *ranges[f.name], FINE + 2)[1:-1], *limits(f, o.view.stimulus)):
                 there = {**here, f.name: float(value)}
                 X = columns_at(o, c, tuple(there.items()))
                 ln = float(any_size(extended(p, rows, X), np.arange(X.shape[1])))

@@ -20,8 +20,8 @@ import numpy as np
 
 from gimbalcal.diagnose.result import Estimate
 from gimbalcal.effects import Parameter
-from gimbalcal.entries import Entry, Json, plain
-from gimbalcal.estimate.sharing import Agreement, agreement
+from gimbalcal.entries import Entry, Json, plain_json
+from gimbalcal.estimate.sharing import Agreement, agreement_test
 from gimbalcal.estimate.static_run.system import SIGNIFICANCE
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.inference.p_value import probability
@@ -75,7 +75,7 @@ class ConstantsAgreement(Entry):
         return {
             "in_words": self.in_words, "chi2": round(self.chi2, 3), "dof": self.dof, "p_value": self.p_value,
             "agree": self.p_value >= SIGNIFICANCE, "recording": self.odd + 1 if self.odd >= 0 else None,
-            "differences": plain(self.differences),
+            "differences": plain_json(self.differences),
         }  # fmt: skip
 
 
@@ -100,9 +100,9 @@ def inverse_of(covariance: Array) -> Array:
 def agreement_on_constants(each: Sequence[Information]) -> ConstantsAgreement:
     """Return how well the information of several recordings on the constants agrees."""
     alone, together = [solve(info) for info in each], solve(reduce(add, each))
-    shared = agreement(together, alone)
+    shared = agreement_test(together, alone)
     others = [solve(reduce(add, [i for j, i in enumerate(each) if j != k])) for k in range(len(each))]
-    rises = [agreement(together, (alone[k], others[k])) for k in range(len(each))]
+    rises = [agreement_test(together, (alone[k], others[k])) for k in range(len(each))]
     odd = int(np.argmax([a.rise / max(a.combinations, 1) for a in rises])) if len(each) > 2 else 1
     parameters, difference, sigma, rarest = _differences(others[odd], alone[odd])
     p = min(1.0, 2 * min(shared.p_value, rarest * (len(each) if len(each) > 2 else 1)))

@@ -41,7 +41,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, 
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import kind
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.sharing import Agreement, Scope, agreement, scope_of
+from gimbalcal.estimate.sharing import Agreement, Scope, agreement_test, scope_of
 from gimbalcal.inference.gauss_newton import chi2, gauss_newton
 from gimbalcal.inference.information import (
     MIN_SIGNAL_TO_NOISE,
@@ -286,7 +286,7 @@ class JointFit:
         own = {self.wide[p] for p in self.causes[ordinal].parameters}
         every = map(self._of_sizes, shown)
         each = [info.without([p for p in info.parameters if p not in own], flat=True) for info in every]
-        return agreement(solve(reduce(add, each)), [solve(info) for info in each])
+        return agreement_test(solve(reduce(add, each)), [solve(info) for info in each])
 
     @property
     def outcome(self) -> str:

@@ -23,7 +23,13 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.estimate.accelerometers.fit_summary import joined, outliers_in_words, provenance, rms, stage
+from gimbalcal.estimate.accelerometers.fit_summary import (
+    fit_stage,
+    joined_sentences,
+    outliers_in_words,
+    provenance,
+    rms,
+)
 from gimbalcal.estimate.accelerometers.position_fit import Positions
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Solution, information, solve
@@ -57,9 +63,11 @@ def coarse(positions: Positions) -> Calibration:
     return fit.calibration(
         "coarse",
         Residual(solution.chi2, solution.dof, rms(p)),
-        outcome=joined(outliers_in_words(p.faults)),
+        outcome=joined_sentences(outliers_in_words(p.faults)),
         provenance=replace(provenance(p), notes=tuple(notes)),
-        stages=(stage("coarse", p, joined(["faces and tilted positions, nonlinearity ignored", *notes])),),
+        stages=(
+            fit_stage("coarse", p, joined_sentences(["faces and tilted positions, nonlinearity ignored", *notes])),
+        ),
     )
 
 
@@ -77,7 +85,7 @@ def closed_form(view: View, absent: Sequence[Effect], wanted: tuple[Parameter, .
         before, x = x, x.copy()
         axes, faces, faceless = _faces(view, wanted, linear, before)
         for i, (estimates, _) in enumerate(axes):
-            x[_at(wanted, "scale_factor", i)], x[_at(wanted, "bias", i)] = estimates
+            x[index_of_parameter(wanted, "scale_factor", i)], x[index_of_parameter(wanted, "bias", i)] = estimates
         tilts = np.array([i for i, q in enumerate(wanted) if q.effect in ("misalignment", "gimbal_zero")])
         columns = tilts if axes else np.arange(len(x))
         rows = ~faces if axes and not faces.all() else np.ones_like(faces)
@@ -109,7 +117,9 @@ def _faces(view: View, wanted: Sequence[Parameter], linear: VisitRows, x: Array)
     """
     measured = force_of_visits(view)
     h = measured - (linear.r - linear.J @ x)
-    scale, bias = (np.array([x[_at(wanted, name, i)] for i in range(3)]) for name in ("scale_factor", "bias"))
+    scale, bias = (
+        np.array([x[index_of_parameter(wanted, name, i)] for i in range(3)]) for name in ("scale_factor", "bias")
+    )
     u = (1 + scale) * (h - bias)
     vertical = np.abs(u) > MIN_FACE_COSINE * view.stimulus.gravity
     both = np.any(vertical & (u > 0), axis=0) & np.any(vertical & (u < 0), axis=0)
@@ -134,7 +144,7 @@ def _covariance(
     m, P = len(w.W), len(wanted)
     A = np.zeros((P, m, 3))
     for i, (_, derivative) in enumerate(axes):
-        A[[_at(wanted, "scale_factor", i), _at(wanted, "bias", i)], :, i] = derivative
+        A[[index_of_parameter(wanted, "scale_factor", i), index_of_parameter(wanted, "bias", i)], :, i] = derivative
     scale = np.array([wanted[i].sigma for i in columns])
     U, S, Vt = np.linalg.svd((w.J[rows][..., columns] * scale).reshape(-1, scale.size), full_matrices=False)
     keep = S >= MIN_SIGNAL_TO_NOISE
@@ -149,7 +159,7 @@ def _covariance(
     return np.asarray(spread @ spread.T + bent @ bent.T + unobservable)
 
 
-def _at(wanted: Sequence[Parameter], effect: str, index: int) -> int:
+def index_of_parameter(wanted: Sequence[Parameter], effect: str, index: int) -> int:
     return next(i for i, q in enumerate(wanted) if q.effect == effect and q.index == index)
 
 

@@ -21,10 +21,15 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration, Residual, StageResult
 from gimbalcal.effects import Parameter, values, with_values
-from gimbalcal.effects.accelerometer import leaning
+from gimbalcal.effects.accelerometer import misalignment_matrix
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
-from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words, outliers_in_words, provenance
+from gimbalcal.estimate.accelerometers.fit_summary import (
+    joined_sentences,
+    misfit_in_words,
+    outliers_in_words,
+    provenance,
+)
 from gimbalcal.estimate.accelerometers.position_fit import Positions
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, Unobservable, information, solve
 from gimbalcal.number import Array
@@ -66,7 +71,7 @@ def fine(positions: Positions, coarse: Calibration | None = None) -> Calibration
         covariance=covariance,
         unobservable=_unobservable(solution, coarse),
         residual=Residual(solution.chi2, solution.dof, {NORM: float(residual_rms)}),
-        outcome=joined([*outliers_in_words(positions.faults), *misfit]),
+        outcome=joined_sentences([*outliers_in_words(positions.faults), *misfit]),
         provenance=provenance(positions),
         readout=view.readout,
         stages=(_stage(solution, x, float(residual_rms)),),
@@ -95,7 +100,7 @@ def norm_rows(
     scale, bias, K, beta = np.split(x, [3, 6, 9])
     SF = 1 + scale
     off = measured - bias
-    force = np.linalg.solve(np.eye(3) + leaning(beta), (SF * (off - K * off**2)).T).T  # Eq. (8)
+    force = np.linalg.solve(np.eye(3) + misalignment_matrix(beta), (SF * (off - K * off**2)).T).T  # Eq. (8)
     variance = sigma**2 / weight
     # white noise adds 3 sigma^2 / n to the squared norm on average: 4e-7 g^2 at 5e-3 m/s^2 a sample
     z = (gravity**2 - ((force**2).sum(axis=-1) - 3 * variance)) / 2

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import AssumedNoise, Provenance, StageResult
-from gimbalcal.estimate.accelerometers.position_fit import RESIDUAL, Fault, Positions, deviance, fit_with_noise
-from gimbalcal.estimate.accelerometers.position_outliers import acceptable
+from gimbalcal.estimate.accelerometers.position_fit import RESIDUAL, Fault, Positions, fit_with_noise, noise_deviance
+from gimbalcal.estimate.accelerometers.position_outliers import is_explained_by_chance
 from gimbalcal.estimate.fit import information_of
 from gimbalcal.inference.information import Unobservable, solve
 from gimbalcal.inference.p_value import probability
@@ -29,13 +29,13 @@ def rms(p: Positions) -> Mapping[str, float]:
     return {f"{FORCE}:{axis}": float(np.sqrt(v)) for axis, v in zip("xyz", mean_square, strict=True)}
 
 
-def stage(name: str, p: Positions, in_words: str) -> StageResult:
+def fit_stage(name: str, p: Positions, in_words: str) -> StageResult:
     """The fit as a stage of the calibration: estimate, sigma, and rms of the misfit with setting errors left in."""
     residual = p.view.evaluate(p.fit.effects).residual
     return p.fit.stage(name, in_words, float(np.sqrt(np.mean(residual**2))))
 
 
-def outcome(p: Positions, larger: str = "") -> str:
+def fit_outcome(p: Positions, larger: str = "") -> str:
     """Return why this calibration should not be used as it is; empty where nothing speaks against it.
 
     larger: which larger noise would explain the misfit, as `larger_noise` says it.
@@ -45,7 +45,7 @@ def outcome(p: Positions, larger: str = "") -> str:
         sentences.append("the fit did not converge, so its numbers mean nothing: check signs, axes and units")
     else:
         sentences += misfit_in_words(p.fit.solution.chi2, p.fit.solution.dof, larger)
-    return joined(sentences)
+    return joined_sentences(sentences)
 
 
 def outliers_in_words(faults: Sequence[Fault]) -> list[str]:
@@ -64,7 +64,7 @@ def misfit_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
 
 def excess_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
     """Return, as a list, how far a residual is above its noise and which larger noise explains it; empty for chance."""
-    if acceptable(chi2, dof):
+    if is_explained_by_chance(chi2, dof):
         return []
     excess = f"chi^2 = {chi2:.4g} for {dof} degrees of freedom, p = {probability(chi2, dof):.1g}"
     words = f"the residual is {np.sqrt(chi2 / dof):.3g} times what the noise allows ({excess})"
@@ -77,7 +77,7 @@ def larger_noise_in_words(p: Positions) -> str:
     The setting repeatability is tried, and outputs that wander from one visit to the next.
     """
     fit, s = p.fit, p.fit.solution
-    if not fit.steps or acceptable(s.chi2, s.dof):
+    if not fit.steps or is_explained_by_chance(s.chi2, s.dof):
         return ""
     causes = []
     opened = {
@@ -90,8 +90,8 @@ def larger_noise_in_words(p: Positions) -> str:
             continue
         free = fit_with_noise(p.view, noise, fit.parameters, fit.absent, s.x)
         times = getattr(free.noise, name) / stated
-        if free.fit.steps and times > 1 and acceptable(free.fit.solution.chi2, free.fit.solution.dof):
-            causes.append((deviance(free, free.noise), name, times))
+        if free.fit.steps and times > 1 and is_explained_by_chance(free.fit.solution.chi2, free.fit.solution.dof):
+            causes.append((noise_deviance(free, free.noise), name, times))
     if not causes:
         return ""
     _, name, times = min(causes)
@@ -102,7 +102,7 @@ def larger_noise_in_words(p: Positions) -> str:
     return f"explained only if the outputs wander by {wander:.2g} ug from one position to the next"
 
 
-def joined(sentences: Sequence[str]) -> str:
+def joined_sentences(sentences: Sequence[str]) -> str:
     """Return sentences in a row, each with its capital and without the last stop; empty ones are left out."""
     return ". ".join(s[0].upper() + s[1:].rstrip(".") for s in sentences if s)
 
@@ -119,7 +119,7 @@ def provenance(p: Positions) -> Provenance:
             for position, e in zip(p.numbers, from_si(p.setting, "arcsec"), strict=True)
         ),
         left_out=tuple(tuple(f.positions) for f in p.faults),
-        lost=lost(p) or None,
+        lost=loss_by_skipped_positions(p) or None,
         remarks=recording.remarks,
     )
 
@@ -147,10 +147,10 @@ def rotations_of_the_triad() -> list[Unobservable]:
     ]
 
 
-def lost(p: Positions) -> str:
+def loss_by_skipped_positions(p: Positions) -> str:
     """Return in a sentence what skipped positions of a published schedule would have added."""
     recording, fit, solution = p.view.source, p.fit, p.fit.solution
-    schedule = next((s for s in SCHEDULES.values() if _follows(p, s)), None)
+    schedule = next((s for s in SCHEDULES.values() if follows_schedule(p, s)), None)
     missing = sorted(set(range(1, len(schedule.holds) + 1)) - {int(q) for q in p.numbers}) if schedule else []
     if schedule is None or not missing:
         return ""
@@ -169,7 +169,7 @@ def lost(p: Positions) -> str:
     return words + cost + (f"; {more} further direction{'s' if more > 1 else ''} not seen at all" if more > 0 else "")
 
 
-def _follows(p: Positions, schedule: Schedule) -> bool:
+def follows_schedule(p: Positions, schedule: Schedule) -> bool:
     """Return whether positions of the recording are those of the schedule under the same numbers."""
     platform, numbers, local = p.view.source.platform, p.numbers, p.view.visits
     if schedule.platform != platform or numbers.min() < 1 or numbers.max() > len(schedule.holds):

@@ -15,8 +15,8 @@ from dataclasses import replace
 
 from gimbalcal.calibration import Calibration, Residual
 from gimbalcal.effects import values
-from gimbalcal.errors import amount
-from gimbalcal.estimate.accelerometers.fit_summary import larger_noise_in_words, outcome, provenance, rms, stage
+from gimbalcal.errors import number_of
+from gimbalcal.estimate.accelerometers.fit_summary import fit_outcome, fit_stage, larger_noise_in_words, provenance, rms
 from gimbalcal.estimate.accelerometers.position_fit import Positions, fit_in_noise
 from gimbalcal.units import from_si
 
@@ -37,9 +37,9 @@ def joint(positions: Positions, start: Calibration | None = None) -> Calibration
     return p.fit.calibration(
         "joint",
         Residual(p.fit.solution.chi2, p.fit.solution.dof, rms(p)),
-        outcome=outcome(p, larger_noise_in_words(p)),
+        outcome=fit_outcome(p, larger_noise_in_words(p)),
         provenance=origin,
-        stages=(stage("joint", p, words),),
+        stages=(fit_stage("joint", p, words),),
     )
 
 
@@ -49,5 +49,5 @@ def in_words(p: Positions) -> str:
     return (
         f"{len(p.fit.parameters)} coefficients from the force at {len(p.setting)} visits, with their setting errors of "
         f"{setting:.3g} arcsec (from the {p.noise.setting_from}); "
-        f"{amount(len(p.fit.unobservable), 'direction')} not seen"
+        f"{number_of(len(p.fit.unobservable), 'direction')} not seen"
     )

@@ -32,13 +32,20 @@ import numpy as np
 
 from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
-from gimbalcal.effects.effect import SENSOR_STAGES, follows, tied
-from gimbalcal.errors import InputError, amount
+from gimbalcal.effects.effect import SENSOR_STAGES, followed_covariate, without_gauge
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.fit_summary import assumed_noise, rotations_of_the_triad
 from gimbalcal.estimate.accelerometers.position_fit import ATTITUDE, HEADER, SAMPLES
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, WhyNotShown
 from gimbalcal.estimate.fit import ViewsFit, fit
-from gimbalcal.estimate.term_selection import MAX_SCATTER_RATIO, Fits, coefficients, needed, refusal, selected
+from gimbalcal.estimate.term_selection import (
+    MAX_SCATTER_RATIO,
+    Fits,
+    needed_significance,
+    number_of_coefficients,
+    refusal_sentence,
+    select_terms,
+)
 from gimbalcal.inference.ellipsoid import MIN_POINTS, ellipsoid
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
@@ -59,22 +66,23 @@ NOTABLE_SIGMAS = 1.0  # by which an omitted term must move an estimate to be wor
 # x of the orthogonal frame lies along the first input axis, y in the plane of the first two: Eq. (5)
 
 
-def unknowns(terms: Sequence[str]) -> tuple[Parameter, ...]:
+def parameters_of_terms(terms: Sequence[str]) -> tuple[Parameter, ...]:
     """Parameters of the terms; of the six misalignments the three that the norm can see."""
     wanted = [p for t in terms for p in parameters(CATALOGUE[t])]
-    return tuple(replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in tied(wanted))
+    return tuple(replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in without_gauge(wanted))
 
 
 def norm_fit(view: View, terms: Sequence[str], extra: Extension = NO_EXTENSION) -> ViewsFit:
     """Fit the terms to the norm of gravity. The scatter beyond the noise of the means is estimated with it."""
-    wanted = (*unknowns(terms), *extra.parameters)
+    wanted = (*parameters_of_terms(terms), *extra.parameters)
     y, g, m = view.source.triad(FORCE), view.stimulus.gravity, len(view)
     different = attitudes(y)
-    if m < len(wanted) or different < min(len(wanted), len(unknowns(SIX_TERMS))):
+    if m < len(wanted) or different < min(len(wanted), len(parameters_of_terms(SIX_TERMS))):
         raise InputError(
-            f"{view.title!r} holds {amount(m, 'rest position')} in {amount(different, 'attitude')} for "
-            f"{amount(len(wanted), 'parameter')} ({', '.join(terms)}): hold the unit in more attitudes, each axis up "
-            "and down at least"
+            f"{view.title!r} holds {number_of(m, 'rest position')} in "
+            f"{number_of(different, 'attitude')} for "
+            f"{number_of(len(wanted), 'parameter')} ({', '.join(terms)}): hold the unit in more attitudes, "
+            "each axis up and down at least"
         )
     least = 0.0 if view.noise.sample is not None else sample_sigma(view)
     return fit([in_noise_of_readings(view)], wanted, extra.effects, _start(y, wanted, g), min_excess=least)
@@ -147,21 +155,21 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     view = norm(dwell_means(recording))  # a rest that a row on the way cuts in two is one
     usual = TERMS if set(view.baseline) == set(LINEAR) else tuple(t for t in LINEAR if t in view.baseline)
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or usual) if t not in requested)
-    _check(wanted, recording.why_not_shown, "--terms")
-    _check(tuple(requested), recording.why_not_shown, "--with")
+    refuse_undetermined_term(wanted, recording.why_not_shown, "--terms")
+    refuse_undetermined_term(tuple(requested), recording.why_not_shown, "--with")
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     extra = norm_fit(view, base).extension(more) if more else NO_EXTENSION
-    tried, positions = coefficients(wanted) - coefficients(base), f"{len(view)} positions"
+    tried, positions = number_of_coefficients(wanted) - number_of_coefficients(base), f"{len(view)} positions"
 
     def attempt(terms: tuple[str, ...], without: ViewsFit) -> ViewsFit | str:
         try:
             fit = norm_fit(view, terms, extra)
         except InputError:
             return f"{terms[-1]} is left out: {positions} are fewer than the parameters it would make"
-        clear_of = needed(tried, fit.solution.dof if fit.excess > 0 else np.inf)
-        return refusal(terms[-1], positions, without, fit, "m/s^2", clear_of, left_out=left_out_rms) or fit
+        clear_of = needed_significance(tried, fit.solution.dof if fit.excess > 0 else np.inf)
+        return refusal_sentence(terms[-1], positions, without, fit, "m/s^2", clear_of, left_out=left_out_rms) or fit
 
-    fits, declined = selected(base, norm_fit(view, base, extra), [t for t in wanted if t not in base], attempt)
+    fits, declined = select_terms(base, norm_fit(view, base, extra), [t for t in wanted if t not in base], attempt)
     if not terms and usual != TERMS:
         declined["misalignment"] = _too_few_attitudes(view)
     best = fits[-1][1]
@@ -191,22 +199,22 @@ def usual_accelerometers(recording: Recording) -> Calibration:
     What gyroscopes at rest say of their bias and temperature asks for the direction of gravity only.
     """
     view = norm(dwell_means(recording))
-    if attitudes(view.source.triad(FORCE)) < coefficients(SIX_TERMS):
+    if attitudes(view.source.triad(FORCE)) < number_of_coefficients(SIX_TERMS):
         return Calibration.ideal("ideal")
     return multiposition(recording, view.baseline)
 
 
-def _check(terms: Sequence[str], why_not: WhyNotShown, option: str) -> None:
+def refuse_undetermined_term(terms: Sequence[str], why_not: WhyNotShown, option: str) -> None:
     """Raises InputError for a term that these positions cannot show; what it offers instead, they can."""
     for term in terms:
         cls = CATALOGUE.get(term)
         if cls is not None and _without_angles(cls):
             if why := why_not(cls):
                 raise InputError(f"{option} names {term}, which {why}")
-            if option == "--terms" and follows(cls) == "":
+            if option == "--terms" and followed_covariate(cls) == "":
                 raise InputError(f"--terms names {term}, which follows a channel: write --with {term}")
         else:
-            able = [i for i, c in CATALOGUE.items() if _without_angles(c) and follows(c) != ""]
+            able = [i for i, c in CATALOGUE.items() if _without_angles(c) and followed_covariate(c) != ""]
             allowed = [i for i in able if not why_not(CATALOGUE[i])]
             raise InputError(
                 f"{option} names {term!r}, which is not an effect that rest positions without angles can show; "
@@ -223,7 +231,7 @@ def _calibration(fits: Fits, declined: Sequence[tuple[str, str]], own: float) ->
     solution, source = best.solution, best.views[0].source
     turned = any(q.effect == "misalignment" for q in best.parameters)
     unobservable = rotations_of_the_triad() if turned else []
-    unobservable += [Unobservable.of(unknowns([t]), why) for t, why in declined]
+    unobservable += [Unobservable.of(parameters_of_terms([t]), why) for t, why in declined]
     sample, left_out = sample_sigma(best.views[0]), left_out_rms(best)
     noise = Noise(sample, np.inf, HEADER if "accelerometer" in source.noise else SAMPLES, ATTITUDE)
     counts = best.views[0].readout.accelerometers

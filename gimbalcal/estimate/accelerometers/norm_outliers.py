@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gimbalcal.errors import alternatives
+from gimbalcal.errors import list_of_alternatives
 from gimbalcal.inference.ellipsoid import MIN_POINTS, design, matrix, scale_of_deviation
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, dwell_means
@@ -65,7 +65,9 @@ def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:
     noise = (every.sigma("accelerometer") or 0.0) / np.sqrt(every.weight)
     remaining, outliers = np.arange(len(every.time)), dict[int, float]()
     while len(outliers) <= MAX_OUTLIERS:
-        more = _odd(y, unit, noise, remaining, 1) or _odd(y, unit, noise, remaining, 2)  # two together hide each other
+        more = deviating_rests(y, unit, noise, remaining, 1) or deviating_rests(
+            y, unit, noise, remaining, 2
+        )  # two together hide each other
         if not more:
             return tuple(NormOutlier(k, int(position[k]), g * off) for k, off in sorted(outliers.items()))
         outliers |= more
@@ -73,7 +75,9 @@ def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:
     return ()
 
 
-def _odd(y: Array, unit: float | None, noise: Array, remaining: NDArray[np.int64], several: int) -> dict[int, float]:
+def deviating_rests(
+    y: Array, unit: float | None, noise: Array, remaining: NDArray[np.int64], several: int
+) -> dict[int, float]:
     """The rests without which the others agree best, and how far they are off [g]; empty where one of them is not.
 
     y (m, 3), noise (m,): forces of all rests and their noise, of which 1 g is `unit`, or unknown in counts (None).
@@ -81,12 +85,12 @@ def _odd(y: Array, unit: float | None, noise: Array, remaining: NDArray[np.int64
     m = len(remaining)
     if m < MIN_POINTS + MIN_SPARE_DWELLS + several - 1:
         return {}
-    everyone = _ellipsoids(y[remaining], unit, np.ones((1, m)))
+    everyone = ellipsoids_without(y[remaining], unit, np.ones((1, m)))
     suspects = np.sort(np.argsort(-np.abs(everyone.rho[0]))[:MAX_SUSPECTS])
     choices = np.array(list(combinations(suspects, several)))
     kept = np.ones((len(choices), m))
     np.put_along_axis(kept, choices, 0.0, axis=1)
-    through = _ellipsoids(y[remaining], unit, kept)
+    through = ellipsoids_without(y[remaining], unit, kept)
     best = int(np.argmin(through.usual))
     if not np.isfinite(through.usual[best]):
         return {}
@@ -117,9 +121,9 @@ class _Ellipsoids(NamedTuple):
     usual: Array
 
 
-def _ellipsoids(y: Array, unit: float | None, kept: Array) -> _Ellipsoids:
+def ellipsoids_without(y: Array, unit: float | None, kept: Array) -> _Ellipsoids:
     """Through the rests that are kept (r, m)."""
-    u, size = _points(y, unit, kept)
+    u, size = unit_sphere_points(y, unit, kept)
     A = design(u)
     G = np.swapaxes(A * kept[..., None], -1, -2) @ A + RIDGE**2 * np.eye(MIN_POINTS)
     lacks = (1 - A @ SPHERE) * kept
@@ -134,7 +138,7 @@ def _ellipsoids(y: Array, unit: float | None, kept: Array) -> _Ellipsoids:
     return _Ellipsoids(u, size, c, G, rho, s, np.where(closed, np.sqrt(square), np.inf))
 
 
-def _points(y: Array, unit: float | None, kept: Array) -> tuple[Array, Array]:
+def unit_sphere_points(y: Array, unit: float | None, kept: Array) -> tuple[Array, Array]:
     """Readings (r, m, 3) as points about the unit sphere, and what 1 is in their unit (r,).
 
     Counts have their middle and size from the rests that are kept (r, m).
@@ -163,7 +167,7 @@ def norm_outliers_in_words(outliers: Sequence[NormOutlier]) -> list[str]:
     if not outliers:
         return []
     worst = max(outliers, key=lambda s: abs(s.off))
-    which = alternatives([str(s.position) for s in outliers]).replace(" or ", " and ")
+    which = list_of_alternatives([str(s.position) for s in outliers]).replace(" or ", " and ")
     one = len(outliers) == 1
     size = f"{abs(from_si(worst.off, 'mg')):.3g} mg"
     off = f"off what all others say by {'' if one else 'up to '}{size} of the norm"

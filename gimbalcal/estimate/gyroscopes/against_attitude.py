@@ -22,9 +22,9 @@ import numpy as np
 from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Residual
 from gimbalcal.calibration.provenance import AssumedNoise, AttitudeReference, SplitRecord
 from gimbalcal.effects import Parameter
-from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit, independent
-from gimbalcal.estimate.gyroscopes.revolutions import triangle
+from gimbalcal.errors import InputError, number_of
+from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, columns_are_independent, fit
+from gimbalcal.estimate.gyroscopes.revolutions import triangular_parameters
 from gimbalcal.inference.coloured import MIN_CHI2
 from gimbalcal.inference.information import chi2_about_mean
 from gimbalcal.inference.p_value import probability
@@ -94,7 +94,7 @@ class Thirds:
         return f"the thirds of the record differ by more than their sigmas ({p_text}), most in {name}: {each} {p.unit}"
 
 
-def thirds(fitted: ViewsFit) -> Thirds | None:
+def fit_thirds(fitted: ViewsFit) -> Thirds | None:
     """Return the fits of each third of the rows in time; None where a third does not determine the parameters."""
     J, r = fitted.whitened
     n, p = J.shape
@@ -103,7 +103,7 @@ def thirds(fitted: ViewsFit) -> Thirds | None:
     rows = np.concatenate([np.repeat(v.time + v.source.time[0], len(v.channels)) for v in fitted.views])
     parts = np.array_split(np.argsort(rows, kind="stable"), PARTS)
     size = np.linalg.norm(J, axis=0)
-    if not all(independent(J[at]) for at in parts):
+    if not all(columns_are_independent(J[at]) for at in parts):
         return None
     x, inverse, chi2 = [], [], float(r @ r)
     for at in parts:
@@ -141,10 +141,10 @@ def gyroscopes_against_attitude(recording: Recording) -> Calibration:
     view = against_reference(recording, known, M, lag)
     if len(view) < MIN_INTERVALS:
         raise InputError(
-            f"{recording.title!r} holds {amount(len(view), 'interval')} of {INTERVAL_S:g} s in which rates and "
-            f"attitude were logged; at least {MIN_INTERVALS} are needed"
+            f"{recording.title!r} holds {number_of(len(view), 'interval')} of {INTERVAL_S:g} s in which rates "
+            f"and attitude were logged; at least {MIN_INTERVALS} are needed"
         )
-    wanted = tuple(p for p in triangle() if p.effect != "gyro_scale_nonlinearity")
+    wanted = tuple(p for p in triangular_parameters() if p.effect != "gyro_scale_nonlinearity")
     white = fit([view], wanted, min_signal=LEAST_SIGNAL)
     share = _walk_share(white, covariance(*intervals(time, known, lag)))
     view = against_reference(recording, known, M, lag, share)
@@ -247,7 +247,7 @@ def _calibration(fitted: ViewsFit, M: Array, lag: float, known: Reference, walk_
     )
     if walk > 0:
         words += f", and the angle between rates and attitude walks by {from_si(walk, 'deg/sqrt(h)'):.2g} deg/sqrt(h)"
-    split, limits = thirds(fitted), []
+    split, limits = fit_thirds(fitted), []
     if known.gone:
         at = ", ".join(f"{t:.10g}" for t in known.gone[:MAX_TIMES_NAMED])
         more = len(known.gone) - MAX_TIMES_NAMED

@@ -20,10 +20,10 @@ import numpy as np
 from gimbalcal.calibration import DIRECTION, Calibration, Counts, Options, Provenance, Readout, Residual
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
-from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking_quantity
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.accelerometers.fit_summary import joined
+from gimbalcal.estimate.accelerometers.fit_summary import joined_sentences
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension, ExtraEffect, extension
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.gyroscopes.residual_checks import (
@@ -40,11 +40,17 @@ from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     fit_rests,
     fit_turns,
     level_of,
-    rests,
+    rests_joined_by_turns,
     with_reference_error,
 )
-from gimbalcal.estimate.gyroscopes.revolutions import euler
-from gimbalcal.estimate.term_selection import Fits, coefficients, needed, refusal, selected
+from gimbalcal.estimate.gyroscopes.revolutions import euler_angles
+from gimbalcal.estimate.term_selection import (
+    Fits,
+    needed_significance,
+    number_of_coefficients,
+    refusal_sentence,
+    select_terms,
+)
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
@@ -69,15 +75,18 @@ def gyroscopes_between_rests(
     any case, at rest or on the way. Raises InputError where there are too few turns or no rates, or turns that give
     counts no size.
     """
-    requested, further = {a.effect for a in more}, [t for t in FURTHER if not lacking(CATALOGUE[t], recording.has)]
+    requested, further = (
+        {a.effect for a in more},
+        [t for t in FURTHER if not lacking_quantity(CATALOGUE[t], recording.has)],
+    )
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or (*LINEAR, *further)) if t not in requested)
     for t in wanted:
-        _refuse(t, lacking(CATALOGUE[t], recording.has) if t in CATALOGUE else "", recording.title)
+        refuse_term(t, lacking_quantity(CATALOGUE[t], recording.has) if t in CATALOGUE else "", recording.title)
     turns = turns_between_rests(recording, accelerometers)
     terms_moving = tuple(t for t in wanted if t != G_SENSITIVITY)
     base = tuple(t for t in terms_moving if t in LINEAR) or terms_moving[:1]
-    tried = coefficients([t for t in wanted if t not in base])
-    still = rests(recording, accelerometers, turns)
+    tried = number_of_coefficients([t for t in wanted if t not in base])
+    still = rests_joined_by_turns(recording, accelerometers, turns)
     extra = _extension(more, still, turns, base)
     at_rest, moving = by_motion(extra, still)
     level, why = level_of(still, G_SENSITIVITY in wanted, tried, at_rest)
@@ -93,8 +102,8 @@ def gyroscopes_between_rests(
         if doubt:  # a size would mean nothing
             declined = {t: f"{t} is left out: {doubt[0]}" for t in terms_moving}
         else:
-            fits, declined = selected(
-                base, linear, further, lambda terms, without: _attempt(turns, terms, without, tried, moving)
+            fits, declined = select_terms(
+                base, linear, further, lambda terms, without: attempt_terms(turns, terms, without, tried, moving)
             )
     if why:
         declined[G_SENSITIVITY] = why
@@ -105,7 +114,7 @@ def gyroscopes_between_rests(
         sentences += singular_in_words(fit.condition) or (
             turns_in_words(turns, accelerometers, level.residual[0], fit.rms) + sizes_in_words(turns, fit)
         )
-    calibration = replace(_calibration(level, fits, declined, turns.scale), outcome=joined(sentences))
+    calibration = replace(_calibration(level, fits, declined, turns.scale), outcome=joined_sentences(sentences))
     return extra.complete(calibration)
 
 
@@ -127,7 +136,7 @@ def _extension(more: Sequence[ExtraEffect], still: View, turns: Turns, base: tup
     return extension(more, sizes, still.stimulus, misfit)
 
 
-def _refuse(term: str, missing: str, title: str) -> None:
+def refuse_term(term: str, missing: str, title: str) -> None:
     """Raise InputError for a term that turns between rests cannot show, or not without the channel that is missing."""
     if term not in CATALOGUE or CATALOGUE[term].stage not in GYROSCOPE_STAGES or term == BIAS:
         raise InputError(f"--terms names {term!r}, which is not a gyroscope effect that turns between rests can show")
@@ -135,7 +144,9 @@ def _refuse(term: str, missing: str, title: str) -> None:
         raise InputError(f"--terms names {term}, which needs the channel {missing}; {title!r} has none")
 
 
-def _attempt(turns: Turns, terms: tuple[str, ...], without: ViewsFit, tried: int, extra: Extension) -> ViewsFit | str:
+def attempt_terms(
+    turns: Turns, terms: tuple[str, ...], without: ViewsFit, tried: int, extra: Extension
+) -> ViewsFit | str:
     """The fit with the last of the terms, or why the turns do not support it."""
     try:
         fit = fit_turns(turns, terms, extra)
@@ -143,10 +154,15 @@ def _attempt(turns: Turns, terms: tuple[str, ...], without: ViewsFit, tried: int
         return f"{terms[-1]} is left out: {problem}"
     sigma = np.maximum(fit.sigmas, fit.left_out[1])
     data = f"{len(fit.residual[0])} turns"
-    return refusal(terms[-1], data, without, fit, "rad", needed(tried, _dof(fit)), sigma) or fit
+    return (
+        refusal_sentence(
+            terms[-1], data, without, fit, "rad", needed_significance(tried, degrees_of_freedom(fit)), sigma
+        )
+        or fit
+    )
 
 
-def _dof(fit: ViewsFit) -> int:
+def degrees_of_freedom(fit: ViewsFit) -> int:
     return fit.residual[0].size - len(fit.x)
 
 
@@ -171,7 +187,7 @@ def _calibration(level: ViewsFit, fits: Fits, declined: dict[str, str], scale: f
         )
         for terms, f in fits
     )
-    dof = _dof(fit or level)
+    dof = degrees_of_freedom(fit or level)
     return Calibration(
         "turns", with_values((*level.effects, *(fit.effects if fit else ())), wanted, x), wanted,
         block_diagonal([f.covariance for f in (level, fit) if f]),
@@ -189,4 +205,4 @@ def _inter_triad(own: Mapping[Parameter, float]) -> Array:
     # omega^p = M^-1 y = C_q^p (C_g^q K) y: orthogonal times lower triangular, by QR of the matrix read backwards
     Q, R = np.linalg.qr(np.linalg.inv(M)[:, ::-1])
     C_pq = (Q * np.sign(np.diag(R)))[:, ::-1]
-    return euler(C_pq.T)
+    return euler_angles(C_pq.T)

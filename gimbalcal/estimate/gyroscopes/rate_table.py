@@ -26,13 +26,18 @@ from gimbalcal.checks.driven_rates import refuse_unlike_table
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.gyroscope import rate_matrix
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.position_fit import SAMPLES
 from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
 from gimbalcal.estimate.fit import LEAST_SIGNAL, MIN_NUMBERS_LEFT, ViewsFit, fit
-from gimbalcal.estimate.grade import graded
+from gimbalcal.estimate.grade import grade_of_unit
 from gimbalcal.estimate.gyroscopes.residual_checks import rates_in_words
-from gimbalcal.estimate.term_selection import coefficients, needed, refusal, selected
+from gimbalcal.estimate.term_selection import (
+    needed_significance,
+    number_of_coefficients,
+    refusal_sentence,
+    select_terms,
+)
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.method_table import Request
 from gimbalcal.number import Array
@@ -59,7 +64,7 @@ MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some canno
 def calibrate_on_a_table(request: Request) -> Calibration:
     """Calibrate gyroscopes on a rate table, as those of a unit of the grade that their noise tells."""
     more = extra_effects(request.more, request.recordings, BASE)
-    return gyroscopes_on_a_table(graded(request.recordings).of(request.recordings), more)
+    return gyroscopes_on_a_table(grade_of_unit(request.recordings).of(request.recordings), more)
 
 
 def gyroscopes_on_a_table(recordings: Sequence[Recording], more: Sequence[ExtraEffect] = ()) -> Calibration:
@@ -78,7 +83,7 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording], more: Sequence[ExtraE
     extra = linear.extension(more, sizes)
     if more:
         linear = _fit(table.view, (*linear.parameters, *extra.parameters), extra.effects)
-    best, declined = _chosen(table.view, linear, {e.effect for e in more})
+    best, declined = fit_with_supported_terms(table.view, linear, {e.effect for e in more})
     calibration = extra.complete(_calibration(best, table.unseen, declined, table.stretches))
     files = tuple(file for r in recordings for file in r.source)
     return replace(calibration, provenance=replace(calibration.provenance, recordings=files), readout=table.readout)
@@ -111,8 +116,8 @@ class OnTable:
         """
         if self.linear.dof_of_scatter < MIN_NUMBERS_LEFT:
             raise InputError(
-                f"{self.view.title!r} holds {amount(sum(self.stretches), 'stretch', 'stretches')} of steady turning, "
-                "too few to tell how they scatter: turn at more rates, both ways round"
+                f"{self.view.title!r} holds {number_of(sum(self.stretches), 'stretch', 'stretches')} of steady "
+                "turning, too few to tell how they scatter: turn at more rates, both ways round"
             )
         return replace(self.view.without_nuisances(self.linear.sigma[0]), readout=self.readout)
 
@@ -123,9 +128,9 @@ def on_a_table(recordings: Sequence[Recording]) -> OnTable:
     for r in recordings:
         refuse_unlike_table(r)
     each = [stretches_of(r) for r in recordings]
-    scale = _nominal([r.counted(RATE) for r in recordings], each)
+    scale = nominal_scales([r.counted(RATE) for r in recordings], each)
     view = rate_table(recordings, each, scale, np.eye(3))
-    wanted, unseen = _seen(view)
+    wanted, unseen = seen_parameters(view)
     first = _fit(view, wanted)
     own = dict(zip(first.parameters, first.x, strict=True))
     scale_factor, turned = (
@@ -142,7 +147,7 @@ def _share_of_unit(misalignments: Array) -> float:
     return float(np.sqrt(1 - MOUNTING_SIGMA_RAD**2 / square)) if square > MOUNTING_SIGMA_RAD**2 else 0.0
 
 
-def _nominal(counted: Sequence[bool], each: Sequence[Stretches]) -> Array:
+def nominal_scales(counted: Sequence[bool], each: Sequence[Stretches]) -> Array:
     """Rad/s per unit of the readings (3,): ones where they have a scale, else by the turns about each own axis."""
     if not any(counted):
         return np.ones(3)
@@ -162,7 +167,7 @@ def _nominal(counted: Sequence[bool], each: Sequence[Stretches]) -> Array:
     return out
 
 
-def _seen(view: View) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
+def seen_parameters(view: View) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
     """Parameters of the linear model that some stretch depends on, and those that none does."""
     every = tuple(p for t in BASE for p in parameters(CATALOGUE[t]))
     size = np.abs(view.evaluate(()).jacobian(every)).max(axis=(0, 1))
@@ -186,7 +191,9 @@ def _condition(view: View, wanted: Sequence[Parameter]) -> float:
     return float(np.linalg.cond(J[:, size > 0] / size[size > 0]))
 
 
-def _chosen(view: View, linear: ViewsFit, requested: Collection[str]) -> tuple[ViewsFit, dict[str, str]]:
+def fit_with_supported_terms(
+    view: View, linear: ViewsFit, requested: Collection[str]
+) -> tuple[ViewsFit, dict[str, str]]:
     """The linear fit with each further term that the stretches support, none of those `requested`, and why not."""
     turned = {p.axis for p in linear.parameters if p.effect == "gyro_scale_factor"}
 
@@ -196,10 +203,10 @@ def _chosen(view: View, linear: ViewsFit, requested: Collection[str]) -> tuple[V
         if 3 * len(view) <= len(more) or _condition(view, more) > MAX_CONDITION_NUMBER:
             return f"{term} is left out: it takes more rates, both ways round"
         fit = _fit(view, more, linear.effects)
-        clear_of = needed(coefficients(FURTHER), fit.dof_of_scatter)
-        return refusal(term, f"{len(view)} stretches", without, fit, "rad/s", clear_of) or fit
+        clear_of = needed_significance(number_of_coefficients(FURTHER), fit.dof_of_scatter)
+        return refusal_sentence(term, f"{len(view)} stretches", without, fit, "rad/s", clear_of) or fit
 
-    fits, declined = selected(BASE, linear, [t for t in FURTHER if t not in requested], attempt)
+    fits, declined = select_terms(BASE, linear, [t for t in FURTHER if t not in requested], attempt)
     return fits[-1][1], declined
 
 
@@ -209,9 +216,9 @@ def _calibration(
     sample = best.views[0].noise.sample
     assert sample is not None
     dof = best.residual[0].size - len(best.x)
-    many = amount(sum(stretches), "stretch", "stretches")
+    many = number_of(sum(stretches), "stretch", "stretches")
     words = (
-        f"{many} of steady turning in {amount(len(stretches), 'recording')}; what is left is "
+        f"{many} of steady turning in {number_of(len(stretches), 'recording')}; what is left is "
         f"{from_si(best.rms, 'deg/h'):.3g} deg/h rms"
     )
     mounted = (

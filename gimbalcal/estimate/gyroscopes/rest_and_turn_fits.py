@@ -25,11 +25,11 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Counts, Readout
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
-from gimbalcal.estimate.fit import LEAST_SIGNAL, MIN_NUMBERS_LEFT, ViewsFit, fit, independent
-from gimbalcal.estimate.term_selection import coefficients, needed, refusal
+from gimbalcal.estimate.fit import LEAST_SIGNAL, MIN_NUMBERS_LEFT, ViewsFit, columns_are_independent, fit
+from gimbalcal.estimate.term_selection import needed_significance, number_of_coefficients, refusal_sentence
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
@@ -44,7 +44,7 @@ MIN_RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 MIN_TURNS = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
 
 
-def rests(recording: Recording, accelerometers: Calibration, turns: Turns | None = None) -> View:
+def rests_joined_by_turns(recording: Recording, accelerometers: Calibration, turns: Turns | None = None) -> View:
     """Return the dwells of a recording, joined by turns that were logged as their linear model carries the heading."""
     carried: dict[int, Array] = {}
     if turns is not None and not recording.platform.axes and logged_turns(recording):
@@ -74,8 +74,8 @@ def level_of(still: View, g_sensitivity: bool, tried: int = 0, extra: Extension 
     if len(still) < MIN_DWELLS:
         return plain, f"{G_SENSITIVITY} is left out: {data} are too few for it"
     full = fit_rests(still, (BIAS, G_SENSITIVITY), extra)
-    clear_of = needed(tried or coefficients([G_SENSITIVITY]), full.dof_of_scatter)
-    why = refusal(G_SENSITIVITY, data, plain, full, "rad/s", clear_of)
+    clear_of = needed_significance(tried or number_of_coefficients([G_SENSITIVITY]), full.dof_of_scatter)
+    why = refusal_sentence(G_SENSITIVITY, data, plain, full, "rad/s", clear_of)
     return (plain, why) if why else (full, "")
 
 
@@ -106,11 +106,12 @@ def fit_turns(turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSIO
     wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *extra.parameters)
     if 2 * len(view) < len(wanted):
         raise InputError(
-            f"{amount(len(view), 'turn')} for {amount(len(wanted), 'parameter')} that are asked for: turn more often"
+            f"{number_of(len(view), 'turn')} for {number_of(len(wanted), 'parameter')} that are asked "
+            "for: turn more often"
         )
     sizes = [p for p in wanted if p not in extra.constants]  # a constant shows nothing before its effect has a size
-    if not independent(view.evaluate(extra.effects).jacobian(sizes).reshape(-1, len(sizes))):
-        raise InputError(f"nothing in {amount(len(view), 'turn')} tells all of {', '.join(terms)} apart")
+    if not columns_are_independent(view.evaluate(extra.effects).jacobian(sizes).reshape(-1, len(sizes))):
+        raise InputError(f"nothing in {number_of(len(view), 'turn')} tells all of {', '.join(terms)} apart")
     return fit([view], wanted, extra.effects, min_signal=LEAST_SIGNAL)
 
 
@@ -136,7 +137,7 @@ def view_at_rest(
     except InputError:  # too few turns: nothing carries the heading from dwell to dwell
         if recording.counted(RATE):
             raise
-    still = rests(recording, calibration, turns)
+    still = rests_joined_by_turns(recording, calibration, turns)
     unknown = any(p.name == VERTICAL for p in still.nuisances) and len(still) >= MIN_RESTS
     # in the scatter of the dwells: in that of the samples a vertical rate takes up all of a common g-sensitivity
     still = still.without_nuisances(fit_rests(still, still.baseline).sigma[0] if unknown else None)
@@ -168,7 +169,7 @@ def view_of_turns(
     try:
         turns = turns_between_rests(recording, calibration)
         turns = turns.levelled(at_rest) if at_rest else turns
-        level = level_of(rests(recording, calibration, turns), True)[0]
+        level = level_of(rests_joined_by_turns(recording, calibration, turns), True)[0]
         if not at_rest and len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
             turns = turns.levelled(level.effects)
     except InputError:

@@ -29,9 +29,9 @@ from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, R
 from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
-from gimbalcal.estimate.pulses.gravity_norm import PulseFit, Pulses, lower
+from gimbalcal.estimate.pulses.gravity_norm import PulseFit, Pulses, unit_lower_triangular
 from gimbalcal.estimate.pulses.whole_turns import FREE, Revolutions, gyroscope_pulses
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.information import Unobservable
@@ -77,11 +77,11 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
     earth = [y[d.rows].mean(0) + (0.0 if bias is None else bias) for d in visits]
     between = zip(moves_between_dwells(recording), earth, strict=False)
     moved = [_integrals(recording.time[m.rows], y[m.rows], e, m.paused) for m, e in between]
-    pairs = _pairs(moved)
+    pairs = opposite_pairs(moved)
     if len(pairs) < 6:
         raise InputError(
-            f"{recording.title!r} holds {amount(len(pairs), 'pair')} of whole revolutions, one each way about one axis "
-            "between rests; at least six pairs about different axes are needed "
+            f"{recording.title!r} holds {number_of(len(pairs), 'pair')} of whole revolutions, one each way "
+            "about one axis between rests; at least six pairs about different axes are needed "
             "(nine: gimbalcal.schedule.published.REVOLUTION_AXES)"
         )
     rest = np.array([y[d.rows].mean(0) for d in visits])
@@ -91,7 +91,9 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
     duration = float(np.mean([t for _, t, _ in first]))
     angle = float(np.mean([a for _, _, a in first]))
     shortest = min(d.stop - d.start for d in visits)
-    scaled = [np.stack([_scaled(moved[k], angle, duration) for k in side]) for side in zip(*pairs, strict=True)]
+    scaled = [
+        np.stack([scaled_revolution(moved[k], angle, duration) for k in side]) for side in zip(*pairs, strict=True)
+    ]
     noise = sigma * np.sqrt(duration * step), sigma / np.sqrt(shortest)
     return Revolutions(scaled[0][None], scaled[1][None], rest[None], duration, angle, *noise), len(pairs)
 
@@ -122,7 +124,7 @@ def _integrals(time: Array, rows: Array, earth: Array, interrupted: bool) -> Mov
     return S, float(dt.sum()), 2 * np.pi * whole
 
 
-def _pairs(moved: Sequence[Moved]) -> list[tuple[int, int]]:
+def opposite_pairs(moved: Sequence[Moved]) -> list[tuple[int, int]]:
     """Neighbouring revolutions about one axis in opposite senses, each used once."""
     out, k = [], 0
     while k + 1 < len(moved):
@@ -136,7 +138,7 @@ def _pairs(moved: Sequence[Moved]) -> list[tuple[int, int]]:
     return out
 
 
-def _scaled(one: Moved, angle: float, duration: float) -> Array:
+def scaled_revolution(one: Moved, angle: float, duration: float) -> Array:
     """A revolution brought to the common angle and duration: shares of its own, which leaves the equations true."""
     S, t, own = one
     if abs(t / duration - 1) > 0.1 or abs(own / angle - 1) > 1e-9:
@@ -150,12 +152,12 @@ def _scaled(one: Moved, angle: float, duration: float) -> Array:
 def as_effects(x: Array) -> Array:
     """Values of the effects (12,) [SI] from K1, K2, bias, E (12,) of the pulse model; float or complex."""
     triad = Pulses(x[0:3], x[3:6], 0 * x[0:3], x[6:9], x[9:12])
-    s, beta = of_rate_matrix(np.linalg.inv(lower(triad.E) * triad.K1[None, :]))
+    s, beta = of_rate_matrix(np.linalg.inv(unit_lower_triangular(triad.E) * triad.K1[None, :]))
     below = [beta[MISALIGNMENT_AXES.index(axis)] for axis in LOWER_TRIANGLE]
     return np.concatenate([-triad.bias / triad.K1, s, below, -triad.K2 / triad.K1])
 
 
-def triangle() -> tuple[Parameter, ...]:
+def triangular_parameters() -> tuple[Parameter, ...]:
     """The parameters in the order of `as_effects`; of the misalignments those that a rotation of the triad leaves."""
     wanted = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
     return tuple(p for p in wanted if p.effect != "gyro_misalignment" or p.axis in LOWER_TRIANGLE)
@@ -176,7 +178,7 @@ def _calibration(revolutions: Revolutions, fit: PulseFit, pairs: int, noise_is_k
     chi2 = float(fit.chi2[0])
     scale = max(1.0, chi2 / max(dof, 1))
     covariance = scale * J @ fit.covariance[0][np.ix_(FREE, FREE)] @ J.T
-    wanted = triangle()
+    wanted = triangular_parameters()
     excess = float(np.sqrt(chi2 / max(dof, 1)))
     options = Options(
         direction=DIRECTION, pairs=pairs, rests=int(revolutions.rest.shape[1]),
@@ -215,7 +217,7 @@ def triad_rotation(angles: Array) -> Array:
     return np.asarray(frame_rotation("y", a[..., 2]) @ frame_rotation("x", a[..., 1]) @ frame_rotation("z", a[..., 0]))
 
 
-def euler(C: Array) -> Array:
+def euler_angles(C: Array) -> Array:
     """alpha, beta, gamma (3,) [rad] of a rotation matrix, the inverse of `triad_rotation` for |beta| < pi/2."""
     return np.array([arctan2(-C[1, 0], C[1, 1]), arcsin(C[1, 2]), arctan2(-C[0, 2], C[2, 2])])
 
@@ -257,16 +259,18 @@ def rotation_between_triads(gyroscopes: Calibration, recording: Recording, accel
     used = [i for i, m in enumerate(between) if changes[i] and not m.paused]
     if len(used) < 3:
         raise InputError(
-            f"gravity is moved by {amount(len(used), 'turn')}; three or more tell how the triads lie to each other"
+            f"gravity is moved by {number_of(len(used), 'turn')}; three or more tell how the triads lie to each other"
         )
-    turns = np.array([_turn(recording.time, rate, between[i].rows, rate[rests[i].rows].mean(0)) for i in used])
+    turns = np.array(
+        [turn_relative_to_earth(recording.time, rate, between[i].rows, rate[rests[i].rows].mean(0)) for i in used]
+    )
     fit = from_turns(down[used], down[[i + 1 for i in used]], turns, sigma=1.0)  # scaled by its residuals below
     # each turn has three residuals of rank two
     sigma = fit.rms * np.sqrt(3 * len(used) / max(2 * len(used) - 3, 1))
     return replace(fit, covariance=sigma**2 * fit.covariance)
 
 
-def _turn(time: Array, rate: Array, span: slice, earth: Array) -> Array:
+def turn_relative_to_earth(time: Array, rate: Array, span: slice, earth: Array) -> Array:
     """Return R^q (3, 3) of one turn relative to the Earth, whose rate (3,) [rad/s] is known before it."""
     t, C = time[span], np.eye(3)
     mean, bend, coning = mean_rates(t, rate[span])

@@ -26,7 +26,7 @@ import numpy as np
 from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Residual
 from gimbalcal.calibration.provenance import AlternativeSolution, North
 from gimbalcal.effects import CATALOGUE, Parameter, parameters
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.inference.information import Unobservable, prior
 from gimbalcal.inference.p_value import probability
@@ -40,30 +40,34 @@ from gimbalcal.views.rest_rates import HEADING, rest_rates_on_gimbals
 MAX_RISE = 9.0  # of chi^2: three sigmas of one parameter
 
 
-def cost(fitted: ViewsFit) -> float:
+def chi2_of_fit(fitted: ViewsFit) -> float:
     """Return chi^2 of the rows."""
     return float((fitted.whitened[1] ** 2).sum())
 
 
-def minima(views: Sequence[View], wanted: Sequence[Parameter], starts: Sequence[Array]) -> tuple[ViewsFit, ...]:
+def distinct_minima(
+    views: Sequence[View], wanted: Sequence[Parameter], starts: Sequence[Array]
+) -> tuple[ViewsFit, ...]:
     """Return the distinct minima that the rows do not exclude, from several starts (p + m,), the likeliest first."""
-    fits = sorted((fit(views, wanted, start=x, min_signal=LEAST_SIGNAL) for x in starts), key=cost)
+    fits = sorted((fit(views, wanted, start=x, min_signal=LEAST_SIGNAL) for x in starts), key=chi2_of_fit)
     dof = sum(r.size for r in fits[0].residual) - len(fits[0].solution.x)
-    scale = max(1.0, cost(fits[0]) / max(dof, 1))
+    scale = max(1.0, chi2_of_fit(fits[0]) / max(dof, 1))
     distinct: list[ViewsFit] = []
     for f in fits:
         another = all(np.any(np.abs(f.x - g.x) > np.minimum(f.sigmas, g.sigmas)) for g in distinct)
-        if f.steps and another and cost(f) - cost(fits[0]) < MAX_RISE * scale:
+        if f.steps and another and chi2_of_fit(f) - chi2_of_fit(fits[0]) < MAX_RISE * scale:
             distinct.append(f)
     mean, sigma = prior(wanted)
-    return tuple(sorted(distinct, key=lambda f: cost(f) / scale + (((f.x - mean) / sigma) ** 2).sum())) or (fits[0],)
+    return tuple(sorted(distinct, key=lambda f: chi2_of_fit(f) / scale + (((f.x - mean) / sigma) ** 2).sum())) or (
+        fits[0],
+    )
 
 
-def entries(solutions: Sequence[ViewsFit]) -> tuple[AlternativeSolution, ...] | None:
+def entries_of_minima(solutions: Sequence[ViewsFit]) -> tuple[AlternativeSolution, ...] | None:
     """Return the minima behind the first as they stand in calibration.json; None without any."""
     out = [
         AlternativeSolution(
-            cost(f) - cost(solutions[0]),
+            chi2_of_fit(f) - chi2_of_fit(solutions[0]),
             {p.label: float(from_si(x, p.unit)) for p, x in zip(f.parameters, f.x, strict=True)},
         )
         for f in solutions[1:]
@@ -123,12 +127,12 @@ def two_position(recording: Recording) -> Calibration:
     sigma = sample / np.sqrt(dwell_means(recording).weight)[:, None] * np.ones((1, 3))
     view, wanted = rest_rates_on_gimbals(recording, sigma), parameters(CATALOGUE[BIAS])
     starts = [np.append(np.zeros(3), alpha) for alpha in np.arange(8) * np.pi / 4]
-    solutions = minima([view], wanted, starts)
+    solutions = distinct_minima([view], wanted, starts)
     best = solutions[0]
     if not best.determined or best.nuisance(HEADING)[1][0] > MAX_NORTH_SIGMA_RAD:
         raise InputError(
-            f"the {amount(len(view), 'rest')} of {recording.title!r} do not tell the Earth's rate from the bias: "
-            "reverse the unit by 180 deg about the vertical, or about east, and stay longer"
+            f"the {number_of(len(view), 'rest')} of {recording.title!r} do not tell the Earth's rate from the "
+            "bias: reverse the unit by 180 deg about the vertical, or about east, and stay longer"
         )
     return _calibration(solutions)
 
@@ -141,7 +145,7 @@ def _sample_sigma(rate: Array, weight: Array, rests: Sequence[Dwell]) -> float:
     return float(np.sqrt(np.nanmean(spread)))
 
 
-def _north(fitted: ViewsFit) -> float:
+def azimuth_of_base(fitted: ViewsFit) -> float:
     """Return where the base's x axis points, east of north, in degrees within half a turn."""
     return float(from_si((fitted.nuisance(HEADING)[0][0] + np.pi) % (2 * np.pi) - np.pi, "deg"))
 
@@ -149,17 +153,17 @@ def _north(fitted: ViewsFit) -> float:
 def _calibration(solutions: Sequence[ViewsFit]) -> Calibration:
     best = solutions[0]
     heading_sigma = float(best.nuisance(HEADING)[1][0])
-    chi2, dof = cost(best), best.residual[0].size - len(best.solution.x)
+    chi2, dof = chi2_of_fit(best), best.residual[0].size - len(best.solution.x)
     chance = probability(chi2, dof)
     inflation = chi2 / dof if chance < SIGNIFICANCE else 1.0
     covariance = inflation * best.covariance
     off = float(from_si(np.sqrt(inflation) * heading_sigma, "deg"))
-    east, times = _north(best), float(np.sqrt(chi2 / max(dof, 1)))
+    east, times = azimuth_of_base(best), float(np.sqrt(chi2 / max(dof, 1)))
     words = (
-        f"{amount(len(best.residual[0]), 'rest')}; the base's x axis points {east:.4g} +- {off:.2g} deg east of north; "
-        f"what is left is {times:.2g} times the noise"
+        f"{number_of(len(best.residual[0]), 'rest')}; the base's x axis points {east:.4g} +- {off:.2g} deg "
+        f"east of north; what is left is {times:.2g} times the noise"
     )
-    outcome = in_words(solutions, [f"the x axis {_north(f):.4g} deg east of north" for f in solutions])
+    outcome = in_words(solutions, [f"the x axis {azimuth_of_base(f):.4g} deg east of north" for f in solutions])
     sentences = [f"{outcome}; a rest turned about the vertical tells"] if outcome else []
     if chance < SIGNIFICANCE:
         worst = int(np.argmax(np.abs(best.residual[0]).max(axis=1)))
@@ -172,14 +176,14 @@ def _calibration(solutions: Sequence[ViewsFit]) -> Calibration:
     options = Options(direction=DIRECTION, frame="the gimbals' platform", in_words=words, north=North(east, off))
     return best.calibration(
         "two-position", Residual(chi2, dof, {RATE: best.rms}), outcome="; ".join(sentences), covariance=covariance,
-        unobservable=(*best.unobservable, *_unobservable(best.views[0])),
+        unobservable=(*best.unobservable, *name_confounded_sensitivity(best.views[0])),
         provenance=Provenance(recordings=best.views[0].source.source, options=options,
-                              other_solutions=entries(solutions)),
+                              other_solutions=entries_of_minima(solutions)),
         stages=(replace(best.stage("two positions", words), sigmas=np.sqrt(np.diag(covariance))),),
     )  # fmt: skip
 
 
-def _unobservable(view: View) -> tuple[Unobservable, ...]:
+def name_confounded_sensitivity(view: View) -> tuple[Unobservable, ...]:
     """Name the g-sensitivity that is confounded with the bias where all rests feel the same force."""
     down = -view.stimulus.force / view.stimulus.gravity
     if np.abs(down - down[0]).max() > SAME_DIRECTION:

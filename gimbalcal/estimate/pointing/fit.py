@@ -14,7 +14,7 @@ import numpy as np
 from gimbalcal.calibration.exchange.tpoint_model import term_names
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
 from gimbalcal.effects.effect import GIMBALS
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.fit import ViewsFit, fit
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
@@ -43,7 +43,7 @@ def wanted_parameters(platform: Platform, axes: Sequence[str], terms: Sequence[s
     for term in terms:
         chosen = [p for p in every if term in (p.effect, f"{p.effect}:{p.axis}", p.label, names.get(p.label))]
         if not chosen:
-            raise InputError(_unknown(term, every))
+            raise InputError(why_unknown(term, every))
         out += [p for p in chosen if p not in out]
     return tuple(out)
 
@@ -55,7 +55,7 @@ def is_single_term(term: str, platform: Platform, axes: Sequence[str]) -> bool:
     return own or term in (term_names(platform).get(label) for label in labels)
 
 
-def _unknown(term: str, every: Sequence[Parameter]) -> str:
+def why_unknown(term: str, every: Sequence[Parameter]) -> str:
     """Return the reason why a term names none of the parameters that a mount has."""
     effect, _, axis = term.partition(":")
     known = sorted(effects_of_mounts())
@@ -109,7 +109,8 @@ def fit_terms(
     stars = sum(len(v) for v in runs)
     if len(runs[0].channels) * stars <= len(wanted):
         raise InputError(
-            f"{amount(stars, 'star')} cannot tell {amount(len(wanted), 'term')}: observe more, or name fewer --terms"
+            f"{number_of(stars, 'star')} cannot tell {number_of(len(wanted), 'term')}: observe more, or "
+            "name fewer --terms"
         )
     angles, zeros = runs[0].source.channels, {}
     for a in read_axes(runs[0].source):  # the median miss, within half a turn
@@ -132,11 +133,11 @@ def fit_terms(
     return replace(fitted, excesses=tuple(np.array([sigma]) for _ in views)) if sigma else fitted
 
 
-def weighted(fitted: ViewsFit) -> tuple[Array, ...]:
+def weighted_residual(fitted: ViewsFit) -> tuple[Array, ...]:
     """Return the residual of each star (n, C) [rad] times the root of its weight: of one sigma for all."""
     return tuple(r / s * fitted.excess for r, s in zip(fitted.residual, fitted.sigma, strict=True))
 
 
-def square(fitted: ViewsFit) -> float:
+def weighted_sum_of_squares(fitted: ViewsFit) -> float:
     """Return the weighted sum of squares of the residuals [rad^2]."""
-    return float(sum((r**2).sum() for r in weighted(fitted)))
+    return float(sum((r**2).sum() for r in weighted_residual(fitted)))

@@ -14,7 +14,7 @@ from gimbalcal.calibration.exchange.tpoint_model import mount_axes, printed, tpo
 from gimbalcal.calibration.provenance import Night, NightTerm
 from gimbalcal.effects import Parameter
 from gimbalcal.effects.effect import order_of
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, extension, extra_effects
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.pointing.fit import (
@@ -25,9 +25,9 @@ from gimbalcal.estimate.pointing.fit import (
     usual_terms,
     wanted_parameters,
 )
-from gimbalcal.estimate.pointing.pattern import far_off, pattern
+from gimbalcal.estimate.pointing.pattern import clearest_pattern, far_off
 from gimbalcal.estimate.pointing.term_tests import term_tests
-from gimbalcal.estimate.sharing import agreement
+from gimbalcal.estimate.sharing import agreement_test
 from gimbalcal.inference.information import chi2_about_mean
 from gimbalcal.inference.p_value import probability
 from gimbalcal.method_table import Request
@@ -65,7 +65,7 @@ def pointing_calibration(
     platform, axes = recordings[0].platform, read_axes(recordings[0])
     single = [word for word in more if is_single_term(word, platform, axes)]
     chosen = terms or usual_terms(axes)
-    stated = _stated([r.noise.get("gimbal_angle") for r in recordings])
+    stated = stated_star_noise([r.noise.get("gimbal_angle") for r in recordings])
     also = extra_effects([word for word in more if word not in single], recordings, chosen)
     follows = all(v.noise.own_memories for v in runs)  # stars show the first term of a series alone
 
@@ -75,7 +75,7 @@ def pointing_calibration(
     def of_terms(names: Sequence[str]) -> tuple[Parameter, ...]:
         return tuple(filter(shown, wanted_parameters(platform, axes, names)))
 
-    wanted = _less(_more(of_terms(chosen), of_terms(single)), of_terms(without))
+    wanted = without_omitted(with_added(of_terms(chosen), of_terms(single)), of_terms(without))
     axes_of = [tuple(f"{e.effect}:{axis}" for axis in e.axes) or (e.effect,) for e in also]
     sizes = tuple(p for names in axes_of for p in of_terms(names))
     fitted = fit_terms(runs, wanted, stated)
@@ -90,13 +90,13 @@ def pointing_calibration(
     calibration = fitted.calibration(
         "pointing",
         residual,
-        outcome=" ".join(filter(None, [_misfit(fitted, stated), _differ(several)])),
+        outcome=" ".join(filter(None, [_misfit(fitted, stated), nights_differ(several)])),
         provenance=Provenance(
             noise=AssumedNoise(
                 star_arcsec=float(from_si(fitted.excess, "arcsec")),
                 gimbal_angle_from="residual" if stated is None else "recording.toml",
             ),
-            pattern=pattern(fitted, axes),
+            pattern=clearest_pattern(fitted, axes),
             far_off=far_off(fitted, before),
             stars=stars,
             population_sd_arcsec=float(from_si(on_sky, "arcsec")) * sqrt(stars / free) if free > 0 else None,
@@ -115,14 +115,14 @@ def pointing_calibration(
     return extra.complete(replace(calibration, provenance=origin))
 
 
-def _more(wanted: Sequence[Parameter], added: Sequence[Parameter]) -> tuple[Parameter, ...]:
+def with_added(wanted: Sequence[Parameter], added: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Return the parameters with those that are added. Raises InputError for one that is among them."""
     if present := [p.label for p in added if p in wanted]:
         raise InputError(f"--with {', '.join(present)}: in the model of this method anyway; leave it out")
     return (*wanted, *added)
 
 
-def _less(wanted: Sequence[Parameter], omitted: Sequence[Parameter]) -> tuple[Parameter, ...]:
+def without_omitted(wanted: Sequence[Parameter], omitted: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Return the parameters without those that are omitted. Raises InputError for one that is not among them."""
     if absent := [p.label for p in omitted if p not in wanted]:
         has = ", ".join(p.label for p in wanted)
@@ -132,7 +132,7 @@ def _less(wanted: Sequence[Parameter], omitted: Sequence[Parameter]) -> tuple[Pa
     return tuple(p for p in wanted if p not in omitted)
 
 
-def _stated(values: Sequence[float | None]) -> float | None:
+def stated_star_noise(values: Sequence[float | None]) -> float | None:
     """The stated noise of a star [rad] where every header states it, rms over the runs; else None."""
     known = [s for s in values if s]
     return float(np.sqrt(np.mean(np.square(known)))) if len(known) == len(values) else None
@@ -159,16 +159,16 @@ def _misfit(fitted: ViewsFit, stated: float | None) -> str:
     )
 
 
-def _differ(several: Nights | None) -> str:
+def nights_differ(several: Nights | None) -> str:
     if several is None or several.probability >= SIGNIFICANCE:
         return ""
     if not several.moved:
-        return f"the terms differ between {amount(len(several.fits), 'night')}, no single one by three sigma."
+        return f"the terms differ between {number_of(len(several.fits), 'night')}, no single one by three sigma."
     words = []
     for p, _, x, s in several.moved[:MAX_TERMS_NAMED]:
         name = p.label.replace(":", " ").replace("_", " ")
         words.append(f"{name} by {from_si(x, p.unit):.3g} +- {from_si(s, p.unit):.2g} {p.unit}")
-    return f"the terms differ between {amount(len(several.fits), 'night')}: {', '.join(words)} since the first."
+    return f"the terms differ between {number_of(len(several.fits), 'night')}: {', '.join(words)} since the first."
 
 
 @dataclass(frozen=True)
@@ -195,29 +195,29 @@ def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
         if not any(f.unobservable for f in alone):
             x, covariance = (np.array([getattr(f, name) for f in alone]) for name in ("x", "covariance"))
             p = probability(chi2_about_mean(x, covariance), x[1:].size)
-            return Nights(alone, p, _moved(alone) if p < SIGNIFICANCE else ())
+            return Nights(alone, p, moved_terms(alone) if p < SIGNIFICANCE else ())
     alone = tuple(fit_terms([v], wanted, sigma, joint.absent) for v in runs)
     shared = fit_terms(runs, wanted, sigma, joint.absent).solution
     dof = sum(f.solution.dof for f in alone)
     variance = 1.0 if stated is not None else sum(f.solution.chi2 for f in alone) / max(dof, 1)
-    p = agreement(shared, [f.solution for f in alone], variance, np.inf if stated is not None else dof).p_value
+    p = agreement_test(shared, [f.solution for f in alone], variance, np.inf if stated is not None else dof).p_value
     if stated is None:
         own = max(sigma * float(np.sqrt(variance)), MIN_SIGMA_RAD)
         alone = tuple(fit_terms([v], wanted, own, joint.absent) for v in runs)
-    return Nights(alone, p, _moved(alone) if p < SIGNIFICANCE else ())
+    return Nights(alone, p, moved_terms(alone) if p < SIGNIFICANCE else ())
 
 
-def change(first: ViewsFit, other: ViewsFit) -> tuple[Array, Array]:
+def change_between_nights(first: ViewsFit, other: ViewsFit) -> tuple[Array, Array]:
     """Return the change of each term since the first night and its sigma, SI."""
     variance = np.diag(first.covariance) + np.diag(other.covariance)
     return other.x - first.x, np.sqrt(variance)
 
 
-def _moved(alone: Sequence[ViewsFit]) -> tuple[tuple[Parameter, int, float, float], ...]:
+def moved_terms(alone: Sequence[ViewsFit]) -> tuple[tuple[Parameter, int, float, float], ...]:
     """Terms that stand out, the clearest first, each in the night where it is clearest."""
     best: dict[Parameter, tuple[Parameter, int, float, float]] = {}
     for k, f in enumerate(alone[1:], start=1):
-        d, s = change(alone[0], f)
+        d, s = change_between_nights(alone[0], f)
         for p, x, sigma in zip(f.solution.parameters, d, s, strict=True):
             if abs(x) > MIN_SIGMAS * sigma and (p not in best or abs(x) / sigma > abs(best[p][2]) / best[p][3]):
                 best[p] = (p, k, float(x), float(sigma))
@@ -228,7 +228,7 @@ def printed_nights(nights: Nights) -> tuple[Night, ...]:
     """Return each night's terms, and their change since the first with sigma, in printed units."""
     out = []
     for f in nights.fits:
-        columns = [f.x, f.sigmas, *(() if f is nights.fits[0] else change(nights.fits[0], f))]
+        columns = [f.x, f.sigmas, *(() if f is nights.fits[0] else change_between_nights(nights.fits[0], f))]
         terms = {}
         for p, *row in zip(f.solution.parameters, *columns, strict=True):
             value, sigma, *since = (float(from_si(v, p.unit)) for v in row)

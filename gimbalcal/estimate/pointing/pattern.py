@@ -17,7 +17,7 @@ import numpy as np
 
 from gimbalcal.calibration.provenance import FarStar, ResidualPattern
 from gimbalcal.estimate.fit import ViewsFit
-from gimbalcal.estimate.pointing.fit import weighted
+from gimbalcal.estimate.pointing.fit import weighted_residual
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
@@ -39,17 +39,17 @@ def far_off(fitted: ViewsFit, before: Sequence[int]) -> tuple[FarStar, ...]:
 
     before: how many stars of the same recording come before each run, which is one night of it.
     """
-    parts, axes = weighted(fitted), fitted.views[0].stimulus.axis_names
+    parts, axes = weighted_residual(fitted), fitted.views[0].stimulus.axis_names
     runs = zip(fitted.views, before, parts, strict=True)
     every = [(v.title, k + n, d) for v, k, r in runs for n, d in enumerate(np.linalg.norm(r, axis=1).tolist(), 1)]
     residual = np.concatenate(parts)
     at = np.concatenate([_true_angles(v)[:, : residual.shape[1]] for v in fitted.views])
-    far = outliers(residual)
+    far = outlying_stars(residual)
     why = why_far(residual, at, far, axes[0])
     return tuple(FarStar(title, n, float(from_si(d, "arcsec")), why) for title, n, d in (every[k] for k in far))
 
 
-def outliers(residual: Array) -> list[int]:
+def outlying_stars(residual: Array) -> list[int]:
     """Ordinals of stars far off the others by what is left of them (n, C), worst first."""
     length = np.linalg.norm(residual, axis=1)
     if len(length) < MIN_STARS:
@@ -84,11 +84,11 @@ def why_far(residual: Array, angles: Array, far: Sequence[int], axis: str) -> st
     return "all in one part of the sky, so rather what the model lacks there than mistakes" if together else MISTAKEN
 
 
-def pattern(fitted: ViewsFit, axes: Sequence[str]) -> ResidualPattern | None:
+def clearest_pattern(fitted: ViewsFit, axes: Sequence[str]) -> ResidualPattern | None:
     """The clearest pattern of what a fit leaves over the true angles of its axes; None where noise may look so."""
     from scipy.special import ndtr
 
-    residual = np.concatenate(weighted(fitted))
+    residual = np.concatenate(weighted_residual(fitted))
     if len(residual) < MIN_STARS:
         return None
     trials = []

@@ -22,7 +22,7 @@ import numpy as np
 
 from gimbalcal.calibration.exchange.tpoint_model import term_names
 from gimbalcal.calibration.provenance import TermTest
-from gimbalcal.effects import CATALOGUE, Parameter, absent
+from gimbalcal.effects import CATALOGUE, Parameter, zero_effect
 from gimbalcal.effects.effect import constants
 from gimbalcal.estimate.extra_effects import columns_of_sizes
 from gimbalcal.estimate.fit import ViewsFit
@@ -101,7 +101,7 @@ class _Tests:
         """Return whitened derivatives (q, k) of the rows by parameters of absent effects."""
         by_effect = [list(group) for _, group in groupby(wanted, key=lambda p: p.effect)]
         axes = self.fitted.views[0].stimulus.axis_names
-        effects = [absent(CATALOGUE[group[0].effect], axes) for group in by_effect]
+        effects = [zero_effect(CATALOGUE[group[0].effect], axes) for group in by_effect]
         each = [columns_of_sizes(v.evaluate(self.fitted.effects), effects, wanted) for v in self.fitted.views]
         return np.concatenate([c.reshape(-1, len(wanted)) for c in each]) / self.sigma[:, None]
 

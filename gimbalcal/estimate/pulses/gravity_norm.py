@@ -35,7 +35,7 @@ from gimbalcal.number import Array
 MAX_STEPS = 30  # of Newton, from the linear answer
 
 
-def lower(E: Array) -> Array:
+def unit_lower_triangular(E: Array) -> Array:
     """Unit lower-triangular C (..., 3, 3) of Eqs. (5) and (8) from E = (E_yx, E_zx, E_zy), (..., 3)."""
     E = np.asarray(E)
     C = np.zeros((*E.shape[:-1], 3, 3), dtype=E.dtype)
@@ -44,7 +44,7 @@ def lower(E: Array) -> Array:
     return C
 
 
-def along(C: Array, v: Array) -> Array:
+def apply_to_vectors(C: Array, v: Array) -> Array:
     """C (..., 3, 3) applied to vectors (..., n, 3)."""
     return np.asarray(v @ np.swapaxes(C, -1, -2))
 
@@ -78,7 +78,7 @@ class Pulses:
 
     def physical(self, N: Array) -> Array:
         """Counts N (..., n, 3) [pulse/s] to force [m/s^2] or rate [rad/s] in the orthogonal frame."""
-        return along(lower(self.E), self.along_axes(N))
+        return apply_to_vectors(unit_lower_triangular(self.E), self.along_axes(N))
 
     def counts(self, v: Array) -> Array:
         """Force or rate (..., n, 3) in the orthogonal frame to counts [pulse/s]: the exact inverse of `physical`.
@@ -86,7 +86,7 @@ class Pulses:
         Newton on each axis from the linear answer; stops at a relative step of 1e-15. Raises ValueError where the
         polynomial has no root near the linear one (it folds inside the range).
         """
-        u = along(np.linalg.inv(lower(self.E)), np.asarray(v))
+        u = apply_to_vectors(np.linalg.inv(unit_lower_triangular(self.E)), np.asarray(v))
         K1, K2, K3 = (np.asarray(k)[..., None, :] for k in (self.K1, self.K2, self.K3))
         N = (u - np.asarray(self.bias)[..., None, :]) / K1
         for _ in range(MAX_STEPS):
@@ -142,30 +142,30 @@ def accelerometer_pulses(N: Array, gravity: float, sigma: float, order: int = 3)
     gravity [m/s^2]; sigma [m/s^2] noise of one position's mean along each axis; order 1, 2 or 3 of the scale polynomial
     (higher terms stay zero). Both starts, Eq. (41) and the ellipsoid, are followed and the lower minimum is kept.
     """
-    free = _free(order)
+    free = free_ordinals(order)
     K0 = initial_scale(N, gravity)
     u = N * K0[:, None, :] / gravity  # of order one: the force in g
 
     def model(x: Array, runs: Array) -> tuple[Array, Array]:
-        return _residuals(_full(x, free), u[runs], sigma / gravity, free)
+        return _residuals(with_fixed(x, free), u[runs], sigma / gravity, free)
 
     plain = np.tile(np.r_[np.ones(3), np.zeros(12)], (len(N), 1))[:, free]
     minimum = minimise(model, plain)
     if N.shape[-2] >= MIN_POINTS:
         second = ellipsoid(u)
         usable = np.isfinite(second).all(-1)
-        start = _full(plain, free)
+        start = with_fixed(plain, free)
         start[usable, :3], start[usable, 9:] = second[usable, :3], second[usable, 3:]
         minimum = minimum.better(minimise(model, start[:, free]))
     one = np.ones_like(K0)
     return in_si(minimum, free, [K0, K0**2 / gravity, K0**3 / gravity**2, gravity * one, one])
 
 
-def _free(order: int) -> Array:
+def free_ordinals(order: int) -> Array:
     return np.flatnonzero(np.repeat([True, order >= 2, order >= 3, True, True], 3))
 
 
-def _full(x: Array, free: Array) -> Array:
+def with_fixed(x: Array, free: Array) -> Array:
     out = np.zeros((*x.shape[:-1], 15))
     out[..., free] = x
     return out
@@ -175,8 +175,8 @@ def _residuals(p: Array, u: Array, sigma: float, free: Array) -> tuple[Array, Ar
     """Misfit of the norm over sigma (r, m) and its derivatives (r, m, q): Eqs. (20)-(25), nothing left out."""
     triad = Pulses.from_vector(p)
     fa = triad.along_axes(u)
-    C = lower(triad.E)
-    f = along(C, fa)
+    C = unit_lower_triangular(triad.E)
+    f = apply_to_vectors(C, fa)
     back = f @ C  # C^T f
     misalignment = np.stack([f[..., 1] * fa[..., 0], f[..., 2] * fa[..., 0], f[..., 2] * fa[..., 1]], axis=-1)
     J = np.concatenate([back * u, back * u**2, back * u**3, back, misalignment], axis=-1) / sigma
@@ -192,7 +192,7 @@ def in_si(minimum: LeastSquaresMinimum, free: Array, units: Sequence[Array]) -> 
     full = np.zeros((len(unit), 15, 15))
     full[:, free[:, None], free] = covariance_at_minimum(minimum.jacobian)
     return PulseFit(
-        Pulses.from_vector(_full(minimum.x, free) * unit),
+        Pulses.from_vector(with_fixed(minimum.x, free) * unit),
         full * unit[:, :, None] * unit[:, None, :],
         2 * minimum.cost,
         minimum.converged,

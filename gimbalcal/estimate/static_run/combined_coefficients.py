@@ -2,13 +2,13 @@ r"""The fifteen combined coefficients of a static run, by two methods, and what 
 
 Five of the specific-force error (Eqs. (21)-(25)) and five each of roll and pitch error (Eqs. (34)-(38), (29)-(33)) of
 Wu et al. (2018). The first method is the paper's: filter and Fourier fit of each channel by itself. The second puts the
-joint fit of all channels through the same linear operators. `separate` then solves for the parameters in place of
-Eqs. (39)-(41), with the covariance of the coefficients for weights; two rows of Eq. (41) as printed leave out terms
-and turn a matrix of rank 4 into one of rank 6, see `derivations`.
+joint fit of all channels through the same linear operators. `separate_parameters` then solves for the parameters in
+place of Eqs. (39)-(41), with the covariance of the coefficients for weights; two rows of Eq. (41) as printed leave out
+terms and turn a matrix of rank 4 into one of rank 6, see `derivations`.
 
-Coefficients are those of *estimate minus true*, as the paper's; `matrix` has the signs for true parameters. With
-S = sin L, C = cos L, s = scale_factor, b = bias / g, K = scale_nonlinearity x g and theta_10, theta_30 the zeros of the
-platform and the middle gimbal in the sense of Table 1, that is -theta_10 of the readout S_t:
+Coefficients are those of *estimate minus true*, as the paper's; `coefficient_matrix` has the signs for true parameters.
+With S = sin L, C = cos L, s = scale_factor, b = bias / g, K = scale_nonlinearity x g and theta_10, theta_30 the zeros
+of the platform and the middle gimbal in the sense of Table 1, that is -theta_10 of the readout S_t:
 
 .. math::
     x_1 &= -\tfrac{s_x + s_y}{2} C^2 + b_z S - s_z S^2 + K_z S^3 \\
@@ -73,7 +73,9 @@ class Operator:
     covariance: Array
 
 
-def operators(run: Readings, effects: Sequence[Effect], drift: int = 1, noise: str = "auto") -> tuple[Operator, ...]:
+def channel_operators(
+    run: Readings, effects: Sequence[Effect], drift: int = 1, noise: str = "auto"
+) -> tuple[Operator, ...]:
     """Return the operators of the paper for force, roll and pitch, as far as they were logged."""
     d = run.residual(effects)
     out = [_force_operator(run)] if len(run.columns("specific_force")) == 3 else []
@@ -89,7 +91,7 @@ def _force_operator(run: Readings) -> Operator:
     columns, g, u = run.columns("specific_force"), run.stimulus.gravity, run.direction
     H = force_filter.observation_matrix(u)
     variance = ((u * run.sigma[:, columns] / g) ** 2).sum(axis=1)
-    P = force_filter.estimate(force_filter.accumulate(np.zeros(len(H)), H, variance)).P
+    P = force_filter.estimate_state(force_filter.accumulated_information(np.zeros(len(H)), H, variance)).P
     gain = P @ (H / variance[:, None]).T
 
     def apply(d: Array) -> Array:
@@ -110,7 +112,7 @@ def _attitude_operator(run: Readings, i: int, name: str, y: Array, drift: int, n
     return Operator(tuple(f"{name}_{k}" for k in h.labels[:q]), [i], apply, h.covariance[:q, :q])
 
 
-def combined(
+def fit_combined(
     run: Readings,
     effects: Sequence[Effect],
     fitted: Sequence[Effect],
@@ -127,7 +129,7 @@ def combined(
     """
     d = run.residual(effects)
     explained = d - run.residual(fitted)
-    parts = operators(run, effects, drift, noise)
+    parts = channel_operators(run, effects, drift, noise)
     if not parts:
         empty = np.zeros(0)
         return Combined((), empty, np.zeros((0, 0)), empty, np.zeros((0, 0)))
@@ -141,7 +143,7 @@ def combined(
     )
 
 
-def matrix(latitude: float, gravity: float, wanted: Sequence[Parameter]) -> Array:
+def coefficient_matrix(latitude: float, gravity: float, wanted: Sequence[Parameter]) -> Array:
     """The fifteen coefficients (15, p) per SI unit of the wanted parameters, first order (module docstring)."""
     S, C = np.sin(latitude), np.cos(latitude)
     table = _sensor_columns(S, C, gravity) | {
@@ -182,13 +184,13 @@ def _sensor_columns(S: float, C: float, g: float) -> dict[str, dict[str, float]]
     }
 
 
-def separate(
+def separate_parameters(
     names: Sequence[str], value: Array, covariance: Array, latitude: float, gravity: float, wanted: Sequence[Parameter]
 ) -> Solution:
     """Parameters from combined coefficients (q,) with covariance (q, q): Eqs. (39)-(41) with the right weights.
 
     Directions that the coefficients do not determine stay at zero and come back named in `unobservable`.
     """
-    G = matrix(latitude, gravity, wanted)[[NAMES.index(n) for n in names]]
+    G = coefficient_matrix(latitude, gravity, wanted)[[NAMES.index(n) for n in names]]
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))
     return solve(information(whiten @ G, whiten @ value, wanted))

@@ -10,10 +10,10 @@ scale-factor error; it also keeps :math:`\tfrac12 |\Delta f|^2`. The linear part
 
 The five states are constants without process noise. `kalman` is the filter of the paper, filterpy's square-root form
 over minute means of Eq. (20): it shows how the states converge. Its last estimate is that of the information form,
-`estimate`, which adds up :math:`H^T H` and :math:`H^T z` over rows in any order and any number of pieces: of the same
-observations equal to 1e-9 sigma, and a thousand times faster. The information form takes the projection and serves
-the combined coefficients; `convergence` runs the filter and holds its end against it. The columns of H are of order one
-with a condition below ten, so nothing is lost in the squares.
+`estimate_state`, which adds up :math:`H^T H` and :math:`H^T z` over rows in any order and any number of pieces: of the
+same observations equal to 1e-9 sigma, and a thousand times faster. The information form takes the projection and serves
+the combined coefficients; `convergence_history` runs the filter and holds its end against it. The columns of H are of
+order one with a condition below ten, so nothing is lost in the squares.
 """
 
 from __future__ import annotations
@@ -66,14 +66,14 @@ def projection(departure: Array, direction: Array, gravity: float) -> Array:
     return np.asarray((departure * direction).sum(axis=-1) / gravity)
 
 
-def accumulate(z: Array, H: Array, variance: Array | float) -> ForceInformation:
+def accumulated_information(z: Array, H: Array, variance: Array | float) -> ForceInformation:
     """Information of rows z (n,), H (n, 5) with variance (n,) or one number."""
     root = 1 / np.sqrt(np.broadcast_to(np.asarray(variance, dtype=float), z.shape))
     A, b = H * root[:, None], z * root
     return ForceInformation(A.T @ A, A.T @ b, float(b @ b), len(z))
 
 
-def estimate(total: ForceInformation, prior_sigma: float = PRIOR_SIGMA) -> ForceState:
+def estimate_state(total: ForceInformation, prior_sigma: float = PRIOR_SIGMA) -> ForceState:
     """State from accumulated information and a prior of zero mean."""
     P = np.linalg.inv(total.HH + np.eye(5) / prior_sigma**2)
     x = P @ total.Hz
@@ -124,7 +124,7 @@ def minute_means(time: Array, z: Array, H: Array, variance: Array) -> tuple[Arra
     return time[last], mean_z[:, 0], mean_H, 1 / weight
 
 
-def convergence(time: Array, departure: Array, direction: Array, sigma: Array, gravity: float) -> StageResult:
+def convergence_history(time: Array, departure: Array, direction: Array, sigma: Array, gravity: float) -> StageResult:
     """Run the paper's filter over minute means, and hold its end against the closed form.
 
     time (n,) [s]; departure (n, 3), measured less ideal force, and sigma (n, 3) of each row [m/s^2]; direction (n, 3),
@@ -137,8 +137,8 @@ def convergence(time: Array, departure: Array, direction: Array, sigma: Array, g
     z = squared_norm(gravity * direction + departure, gravity, noise)
     when, mean, mean_H, mean_variance = minute_means(time, z, H, variance)
     end, x, sigmas = kalman(mean, mean_H, mean_variance)
-    closed = estimate(accumulate(projection(departure, direction, gravity), H, variance))
-    squares = estimate(accumulate(z - projection(departure, direction, gravity), H, variance)).x
+    closed = estimate_state(accumulated_information(projection(departure, direction, gravity), H, variance))
+    squares = estimate_state(accumulated_information(z - projection(departure, direction, gravity), H, variance)).x
     difference = (end.x - closed.x) / closed.sigma
     beyond = np.abs(difference - squares / closed.sigma)
     worst, minutes = int(np.argmax(np.abs(difference))), float(np.median(np.diff(when))) / 60

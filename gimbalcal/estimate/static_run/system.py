@@ -27,14 +27,14 @@ import numpy as np
 from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Residual, StageResult
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
-from gimbalcal.errors import InputError, amount
-from gimbalcal.estimate.accelerometers.fit_summary import joined, misfit_in_words
+from gimbalcal.errors import InputError, number_of
+from gimbalcal.estimate.accelerometers.fit_summary import joined_sentences, misfit_in_words
 from gimbalcal.estimate.accelerometers.position_fit import HEADER, SAMPLES, Positions
 from gimbalcal.estimate.extra_effects import ExtraEffect, sizes_shown
 from gimbalcal.estimate.fit import fit, information_of
-from gimbalcal.estimate.sharing import agreement
-from gimbalcal.estimate.static_run.combined_coefficients import Combined, combined
-from gimbalcal.estimate.static_run.force_filter import convergence
+from gimbalcal.estimate.sharing import agreement_test
+from gimbalcal.estimate.static_run.combined_coefficients import Combined, fit_combined
+from gimbalcal.estimate.static_run.force_filter import convergence_history
 from gimbalcal.inference.information import Information, Solution, solve
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
@@ -106,7 +106,9 @@ def static_view_with(run: Readings, more: Sequence[ExtraEffect]) -> View:
     return replace(static_view(run, wanted), acting=frozenset(p.effect for p in wanted))
 
 
-def static(run: Readings, start: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None) -> Calibration:
+def calibrate_static_run(
+    run: Readings, start: Sequence[Effect] = (), wanted: Sequence[Parameter] | None = None
+) -> Calibration:
     """Calibration from a static run alone: the combinations that it sees, the others at zero with their prior sigma.
 
     start: effects to linearise at; those whose parameters are not wanted stay as they are. The combined coefficients
@@ -116,10 +118,10 @@ def static(run: Readings, start: Sequence[Effect] = (), wanted: Sequence[Paramet
     fitted = fit([static_view(run, wanted)], wanted, start)
     solution, effects = fitted.solution, fitted.effects
     J = run.jacobian(effects, solution.parameters)
-    stages = [stage(run, effects, combined(run, start, effects, solution, J))]
+    stages = [stage(run, effects, fit_combined(run, start, effects, solution, J))]
     if len(columns := run.columns("specific_force")) == 3:  # the paper's filter takes all axes
         departure, sigma = run.residual(start)[:, columns], run.sigma[:, columns]
-        stages.append(convergence(run.stimulus.time, departure, run.direction, sigma, run.stimulus.gravity))
+        stages.append(convergence_history(run.stimulus.time, departure, run.direction, sigma, run.stimulus.gravity))
     return fitted.calibration(
         "static-run",
         Residual(solution.chi2, solution.dof, fitted.rms_by_channel),
@@ -133,7 +135,7 @@ def outcome(solution: Solution) -> str:
     """One sentence where the residual is more than chance and a sigma stated to a few per cent allow, else ""."""
     if solution.chi2 < MAX_REDUCED_CHI2 * solution.dof:
         return ""
-    return joined([f"in the static run {words}" for words in misfit_in_words(solution.chi2, solution.dof)])
+    return joined_sentences([f"in the static run {words}" for words in misfit_in_words(solution.chi2, solution.dof)])
 
 
 def stage(run: Readings, fitted: Sequence[Effect], table: Combined) -> StageResult:
@@ -173,7 +175,7 @@ def both_levels(
     return own, information_of([level], fitted.effects, wanted), fitted.solution
 
 
-def fuse(
+def fuse_stages(
     device: Information, static: Information, before: Calibration, together: Solution | None = None
 ) -> Calibration:
     """Add device-level and static-run information about common parameters, and solve, unless the solution is given.
@@ -192,16 +194,16 @@ def fuse(
         covariance=together.covariance,
         unobservable=together.unobservable,
         residual=Residual(together.chi2, together.dof, before.residual.rms),
-        outcome=". ".join(filter(None, (before.outcome, outcome(alone[1]), contradiction(together, *alone)))),
-        stages=(_gain(together, alone[0], before.stages[-1].rms if before.stages else 0.0),),
+        outcome=". ".join(filter(None, (before.outcome, outcome(alone[1]), contradiction_sentence(together, *alone)))),
+        stages=(stage_with_gain(together, alone[0], before.stages[-1].rms if before.stages else 0.0),),
     )
 
 
-def contradiction(together: Solution, device: Solution, static: Solution) -> str:
+def contradiction_sentence(together: Solution, device: Solution, static: Solution) -> str:
     """Return a sentence where the stages disagree on what both see, "" where they do not."""
     # a stage that its own model does not explain proves nothing against the other
     noise = max(1.0, device.chi2 / max(device.dof, 1), static.chi2 / max(static.dof, 1))
-    result = agreement(together, [device, static], noise)
+    result = agreement_test(together, [device, static], noise)
     if result.p_value >= SIGNIFICANCE:
         return ""
     return (
@@ -211,7 +213,7 @@ def contradiction(together: Solution, device: Solution, static: Solution) -> str
     )
 
 
-def _gain(together: Solution, device: Solution, rms: float) -> StageResult:
+def stage_with_gain(together: Solution, device: Solution, rms: float) -> StageResult:
     """Return the stage with the gain by the static run; rms [m/s^2] is that of the positions, which it hardly moves."""
     before = dict(zip(device.parameters, device.sigma, strict=True))
     ratio = [s / before[p] for p, s in zip(together.parameters, together.sigma, strict=True) if p in before]
@@ -224,5 +226,5 @@ def _gain(together: Solution, device: Solution, rms: float) -> StageResult:
         rms,
         f"the static run makes sigma of {sum(r < 0.9 for r in ratio)} of {len(ratio)} parameters smaller by more than "
         f"a tenth, the best by a factor of {1 / best:.1f}; "
-        f"seen by neither stage: {amount(len(together.unobservable), 'direction')}",
+        f"seen by neither stage: {number_of(len(together.unobservable), 'direction')}",
     )

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.earth import EARTH_RATE, rate_at
-from gimbalcal.errors import InputError, amount
+from gimbalcal.errors import InputError, number_of
 from gimbalcal.navigate.strapdown import integrated_attitudes
 from gimbalcal.number import Array
 from gimbalcal.rotation import cross_matrix, exponential
@@ -148,7 +148,7 @@ def attitudes(segments: Segments, u: Array, start: Alignment) -> Array:
         new = k < len(segments.stop) and stop[k] >= 0 and (k == 0 or stop[k - 1] != stop[k])
         if new:
             mine = segments.of_stop(int(stop[k]))
-            tilt = _tilt(turn @ C[(mine.start + mine.stop) // 2] @ u[mine, :3].mean(axis=0))
+            tilt = levelling_rotation(turn @ C[(mine.start + mine.stop) // 2] @ u[mine, :3].mean(axis=0))
             if k:
                 part = (angle[last:k] - angle[last]) / max(angle[k] - angle[last], 1e-9)
                 out[last:k] = exponential(-part[:, None] * tilt) @ out[last:k]
@@ -160,7 +160,7 @@ def attitudes(segments: Segments, u: Array, start: Alignment) -> Array:
     return out
 
 
-def _tilt(force: Array) -> Array:
+def levelling_rotation(force: Array) -> Array:
     """Return the smallest rotation vector (3,) [rad] that turns a force (3,) upwards."""
     unit, up = force / np.linalg.norm(force), np.array([0.0, 0.0, -1.0])
     axis = np.cross(unit, up)
@@ -191,7 +191,7 @@ def gyro_scale_errors(segments: Segments, u: Array) -> Array:
     if len(spans) < MIN_TURNS:
         return np.diag(M)
     for _ in range(MAX_SCALE_ITERATIONS):
-        residuals, J = zip(*(_turn(segments, u, a, b, M) for a, b in spans), strict=True)
+        residuals, J = zip(*(missed_gravity_angle(segments, u, a, b, M) for a, b in spans), strict=True)
         y, A = np.array(residuals), np.array(J)
         dM, remaining = _robust_step(y, A, M)
         M = M + dM
@@ -202,7 +202,7 @@ def gyro_scale_errors(segments: Segments, u: Array) -> Array:
     if outlier.any() and np.count_nonzero(outlier) <= len(size) / 4:
         a, b = spans[int(np.argmax(size))]
         t = [segments.rows.time[a.stop - 1], segments.rows.time[b.start]]
-        others = amount(len(size) - int(outlier.sum()), "other turn")
+        others = number_of(len(size) - int(outlier.sum()), "other turn")
         raise InputError(
             f"{segments.rows.label}: between {t[0]:.6g} and {t[1]:.6g} s gravity turns by {size.max():.2g} "
             f"deg more or less than the gyroscopes say, which tell the {others} to {np.median(size):.2g} "
@@ -211,7 +211,7 @@ def gyro_scale_errors(segments: Segments, u: Array) -> Array:
     return np.where(np.abs(np.diag(M)) > NONLINEAR_SCALE_ERROR, np.diag(M), 0.0)
 
 
-def _turn(segments: Segments, u: Array, a: slice, b: slice, M: Array) -> tuple[Array, Array]:
+def missed_gravity_angle(segments: Segments, u: Array, a: slice, b: slice, M: Array) -> tuple[Array, Array]:
     """Return the angle (3,) [rad] by which a turn with rates (1 + M) w misses gravity, and its Jacobian (3, 9)."""
     before, after = (
         slice(max(a.start, a.stop - EDGE_INTERVALS), a.stop),

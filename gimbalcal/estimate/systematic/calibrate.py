@@ -8,7 +8,7 @@ until no estimate moves by 3 % of its sigma (`iterate`).
 Several recordings of one unit have common constants, and each an attitude of its own. The information of a recording
 about the constants is a triangle; those of all recordings are added. Each is then linearised again about the joint
 estimate, because products of two errors differ from those of its own estimate. Whether one agrees with the others is
-`estimate.sharing.agreement`.
+`estimate.sharing.agreement_test`.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ import numpy as np
 from gimbalcal.calibration import Calibration, Options, Provenance
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.effects import Effect, Parameter, with_values
-from gimbalcal.errors import amount
+from gimbalcal.errors import number_of
 from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
 from gimbalcal.estimate.sharing import (
     Comparison,
-    agreement,
-    disagreeing,
+    agreement_test,
+    disagreeing_recordings,
     largest_difference,
     with_widest_priors,
 )
@@ -44,7 +44,7 @@ from gimbalcal.estimate.systematic.innovation_tests import innovation_statistics
 from gimbalcal.estimate.systematic.iterate import CONVERGED_SIGMAS, SystematicFit, iterate
 from gimbalcal.estimate.systematic.linearisation_error import linearisation_covariance
 from gimbalcal.estimate.systematic.state_lists import UNESTIMATED, states
-from gimbalcal.estimate.systematic.suspected_errors import limitations, suspected_error
+from gimbalcal.estimate.systematic.suspected_errors import limitation_sentences, suspected_error
 from gimbalcal.inference.information import Information, solve
 from gimbalcal.method_table import Request
 from gimbalcal.number import Array
@@ -73,7 +73,7 @@ def systematic(
     """
     wanted = states(asked, recording.why_not_shown, more)
     m = iterate(segment(recording), wanted, tuple(a.absent((), dict(a.stated)) for a in more), progress)
-    calibration = calibrated(m)
+    calibration = calibration_of_fit(m)
     if m.converged and (calibration.unobservable or m.last.attitude[2, 2] > LARGE_HEADING_SIGMA_RAD**2):
         calibration = _with_linearisation_error(calibration, linearisation_covariance(m, calibration.covariance))
     origin = _with_limits(calibration, *([TABLE_CAVEAT] if recording.has("gimbal_angle") else [])).with_options(
@@ -92,7 +92,7 @@ def _with_linearisation_error(calibration: Calibration, linearisation: Array) ->
     wider = (
         f"what these turns do not show makes {calibration.parameters[worst].label} "
         f"{np.hypot(1.0, share[worst]):.2g} times as uncertain as the noise does, by products of errors that no linear "
-        f"estimate holds: its sigma says so ({amount(int(np.sum(share >= 1.0)), 'parameter')} like this)"
+        f"estimate holds: its sigma says so ({number_of(int(np.sum(share >= 1.0)), 'parameter')} like this)"
     )
     return replace(calibration, provenance=_with_limits(calibration, wider))
 
@@ -101,7 +101,7 @@ def _with_limits(calibration: Calibration, *further: str) -> Provenance:
     return replace(calibration.provenance, limits=(*(calibration.provenance.limits or ()), *further))
 
 
-def calibrated(m: SystematicFit) -> Calibration:
+def calibration_of_fit(m: SystematicFit) -> Calibration:
     """Return the calibration of a fit, with the tests of its innovations."""
     segments, wanted, scale = m.segments, m.wanted, np.array([p.sigma for p in m.wanted])
     solution = solve(data_information(wanted, m.last.factor, m.unregularised - m.prior_mean, scale))
@@ -119,7 +119,7 @@ def calibrated(m: SystematicFit) -> Calibration:
         outcome=words,
         provenance=Provenance(
             options=Options(velocity_m_per_s=float(segments.velocity.min()), stops=int(segments.stop.max()) + 1),
-            limits=tuple(limitations(m, solution.sigma)),
+            limits=tuple(limitation_sentences(m, solution.sigma)),
         ),
     )
 
@@ -149,7 +149,7 @@ def navigation_view(
     def converged(effects: Sequence[Effect], fitted: Sequence[Parameter]) -> Calibration:
         more = tuple(p for p in fitted if p.label not in {u.label for u in usual})
         fresh = [without_sizes(e) for e in effects if e.id in {p.effect for p in more}]
-        return calibrated(iterate(segments, (*usual, *more), known(fresh), progress) if more else first)
+        return calibration_of_fit(iterate(segments, (*usual, *more), known(fresh), progress) if more else first)
 
     return replace(about(first), relinearise=relinearise, calibrate=converged)
 
@@ -181,22 +181,22 @@ def calibrate_jointly(
         wanted = states(asked, r.why_not_shown, more)
         each.append(iterate(segment(r), wanted, base, progress))
     wanted = with_widest_priors(p for m in each for p in m.wanted)
-    theta = solve(_joint(wanted, each, np.zeros(len(wanted)))).x
+    theta = solve(joint_information(wanted, each, np.zeros(len(wanted)))).x
     for _ in range(MAX_ROUNDS):
-        each = [_relinearised(wanted, each, k, theta) for k in range(len(each))]
-        solution = solve(_joint(wanted, each, theta))
+        each = [relinearise_recording(wanted, each, k, theta) for k in range(len(each))]
+        solution = solve(joint_information(wanted, each, theta))
         move, theta = float(np.abs(solution.x / solution.sigma).max()), theta + solution.x
         progress(f"all together: the estimates moved by up to {move:.2g} of their sigma")
         if move < CONVERGED_SIGMAS:
             break
     each = [replace(m, converged=move < CONVERGED_SIGMAS) for m in each]
-    compared = [_compared(r.title, wanted, each, k, theta) for k, r in enumerate(recordings)]
-    calibrations = [calibrated(m) for m in each]
+    compared = [compare_recording(r.title, wanted, each, k, theta) for k, r in enumerate(recordings)]
+    calibrations = [calibration_of_fit(m) for m in each]
     sessions = tuple(c.session(stops=int(m.segments.stop.max()) + 1) for c, m in zip(compared, each, strict=True))
     worst = min(calibrations, key=lambda c: c.residual.navigation["nis"]["p_value"])
     nis = [c.residual.navigation["nis"] for c in calibrations]
-    different = "; ".join(f"{compared[k].title} {compared[k].in_words}" for k in disagreeing(compared))
-    words = [f"{amount(len(each), 'recording')} do not share their constants: {different}"] if different else []
+    different = "; ".join(f"{compared[k].title} {compared[k].in_words}" for k in disagreeing_recordings(compared))
+    words = [f"{number_of(len(each), 'recording')} do not share their constants: {different}"] if different else []
     words += [f"{r.title}: {c.outcome}" for r, c in zip(recordings, calibrations, strict=True) if c.outcome]
     limits = tuple(dict.fromkeys(text for c in calibrations for text in c.provenance.limits or ()))
     return Calibration(
@@ -213,19 +213,21 @@ def calibrate_jointly(
     )
 
 
-def _joint(wanted: Sequence[Parameter], each: Sequence[SystematicFit], about: Array) -> Information:
+def joint_information(wanted: Sequence[Parameter], each: Sequence[SystematicFit], about: Array) -> Information:
     """Return the information of all recordings about the constants, less some values (p,) of them."""
     own = ((m, [p.sigma for p in m.wanted]) for m in each)
     return reduce(add, (data_information(wanted, m.last.factor, m.unregularised - about, scale) for m, scale in own))
 
 
-def _relinearised(wanted: tuple[Parameter, ...], each: Sequence[SystematicFit], k: int, theta: Array) -> SystematicFit:
+def relinearise_recording(
+    wanted: tuple[Parameter, ...], each: Sequence[SystematicFit], k: int, theta: Array
+) -> SystematicFit:
     """Linearise a recording about the joint constants: attitudes with the others' information, then its own estimate.
 
     Where it observes little alone, its own attitudes are off by as much as its constants are.
     """
     m = replace(each[k], wanted=wanted)
-    others = _joint(wanted, [o for i, o in enumerate(each) if i != k], theta)
+    others = joint_information(wanted, [o for i, o in enumerate(each) if i != k], theta)
     p = len(wanted)
     rows = np.asarray(np.linalg.qr(np.concatenate([others.rows, np.eye(p, p + 1) / WIDE_PRIOR_SIGMAS]), mode="r"))
     root = np.linalg.inv(rows[:p, :p])
@@ -243,11 +245,11 @@ def _relinearised(wanted: tuple[Parameter, ...], each: Sequence[SystematicFit], 
     )
 
 
-def _compared(
+def compare_recording(
     title: str, wanted: Sequence[Parameter], each: Sequence[SystematicFit], k: int, theta: Array
 ) -> Comparison:
     """Compare one recording with all others together."""
     parts = [each[k]], [m for i, m in enumerate(each) if i != k], each
-    own, others, whole = (solve(_joint(wanted, part, theta)) for part in parts)
+    own, others, whole = (solve(joint_information(wanted, part, theta)) for part in parts)
     largest = largest_difference(wanted, own.x - others.x, np.hypot(own.sigma, others.sigma))
-    return Comparison(title, len(each), agreement(whole, [own, others]).p_value, largest)
+    return Comparison(title, len(each), agreement_test(whole, [own, others]).p_value, largest)

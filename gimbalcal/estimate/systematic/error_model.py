@@ -132,11 +132,11 @@ def error_model(
         return D
 
     Phi, Psi, Q, d = stretch_model(segments, u, C, response, p + per_reading)
-    Phi, Psi, Q, d = augment(Phi, Psi[:, :, :p], Q, d, Psi[:, :, p:], processes)
+    Phi, Psi, Q, d = append_chains(Phi, Psi[:, :, :p], Q, d, Psi[:, :, p:], processes)
     return ErrorModel(Phi, Psi, roots(Q), d)
 
 
-def defects(segments: Segments, u: Array, C: Array, frozen: ErrorModel) -> Array:
+def reference_defects(segments: Segments, u: Array, C: Array, frozen: ErrorModel) -> Array:
     """Return where each stretch's reference ends, less where the next one starts (K, m), in units of `STATE_SCALE`."""
     d = np.zeros_like(frozen.d)
     d[:, :NAV] = stretch_model(segments, u, C, lambda groups: np.zeros((groups.stop - groups.start, 6, 0)), 0)[3]
@@ -264,7 +264,7 @@ def bias_processes(segments: Segments) -> BiasProcesses:
     return BiasProcesses(channel.astype(int), Phi, Q, P_0, np.sqrt(P_0 + Q.sum(axis=0)))
 
 
-def augment(
+def append_chains(
     Phi: Array, Psi: Array, Q: Array, d: Array, additions: Array, processes: BiasProcesses
 ) -> tuple[Array, Array, Array, Array]:
     """Append the chains to an error model of m states: Phi (K, m + c, m + c), Psi, Q, d.

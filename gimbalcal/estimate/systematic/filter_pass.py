@@ -31,8 +31,8 @@ from gimbalcal.estimate.systematic.error_model import (
     STATE_SCALE,
     ErrorModel,
     bias_processes,
-    defects,
     error_model,
+    reference_defects,
     velocity_variance,
 )
 from gimbalcal.inference import adjoint, square_root_filter
@@ -85,7 +85,7 @@ def filter_and_smooth(
         model = (
             error_model(segments, wanted, effects, u, C)
             if frozen is None
-            else frozen._replace(d=defects(segments, u, C, frozen))
+            else frozen._replace(d=reference_defects(segments, u, C, frozen))
         )
     except np.linalg.LinAlgError:  # at constants so far away that readings can no longer be inverted
         raise not_finite(segments.rows.label, "what a reading tells of the constants") from None

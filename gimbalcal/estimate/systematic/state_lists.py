@@ -8,7 +8,7 @@ from dataclasses import replace
 from gimbalcal.effects import CATALOGUE, Parameter, known_effect, parameters
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import constants
-from gimbalcal.errors import InputError, alternatives
+from gimbalcal.errors import InputError, list_of_alternatives
 from gimbalcal.estimate.extra_effects import PRIOR_FACTOR, ExtraEffect, WhyNotShown
 
 THIRTY = BASELINE["rotation"]
@@ -64,7 +64,7 @@ def _parameters_of(option: str, effect: str, axis: str, why_not: WhyNotShown) ->
         raise InputError(f"{option}: {effect} {reason}")
     free = constants(cls)
     if free:
-        names = alternatives([f.name for f in free])
+        names = list_of_alternatives([f.name for f in free])
         raise InputError(
             f"{option}: {effect} has a constant that no filter can carry ({names}); add it with --with "
             f"{effect},{free[0].name}=VALUE"
@@ -72,5 +72,7 @@ def _parameters_of(option: str, effect: str, axis: str, why_not: WhyNotShown) ->
     every = parameters(cls)
     kept = [p for p in every if p.axis == axis] if axis else [p for p in every if p.axis in KEPT.get(effect, (p.axis,))]
     if not kept:
-        raise InputError(f"{option}: {effect} has no axis {axis!r}; it has {alternatives([p.axis for p in every])}")
+        raise InputError(
+            f"{option}: {effect} has no axis {axis!r}; it has {list_of_alternatives([p.axis for p in every])}"
+        )
     return kept

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gimbalcal.checks.input_errors import Correction, trials
+from gimbalcal.checks.input_errors import Correction, successful_trials
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.alignment import NONLINEAR_SCALE_ERROR, align
 from gimbalcal.estimate.systematic.error_model import bias_processes
@@ -25,7 +25,7 @@ MIN_SIGMA_RATIO = 0.5  # posterior over prior sigma: beyond, the recording has n
 MAX_NOISE_RATIO = 3.0  # scatter at the stops over stated noise
 
 
-def limitations(m: SystematicFit, sigmas: Array) -> list[str]:
+def limitation_sentences(m: SystematicFit, sigmas: Array) -> list[str]:
     """Return sentences on what the noise and the motion do not allow; sigmas (p,) of the states."""
     out = []
     if m.segments.handled:
@@ -49,10 +49,10 @@ def limitations(m: SystematicFit, sigmas: Array) -> list[str]:
 
 def suspected_error(m: SystematicFit) -> str:
     """Return the likeliest input error behind a lack of fit as a clause; empty where none is likely."""
-    return _noise(m.segments) or _misstated(m) or _lever_arm(m) or _bias_instability(m.segments)
+    return suspect_noise(m.segments) or suspect_clock_or_latitude(m) or _lever_arm(m) or _bias_instability(m.segments)
 
 
-def _noise(segments: Segments) -> str:
+def suspect_noise(segments: Segments) -> str:
     """Suspect a stated noise that is below the scatter at the stops."""
     for k, (sensor, unit) in ((0, ("accelerometer", "m/s^2")), (3, ("gyroscope", "rad/s"))):
         stated, shown = float(segments.sigma[k]), float(np.sqrt(np.mean(segments.shown[k : k + 3] ** 2)))
@@ -64,21 +64,21 @@ def _noise(segments: Segments) -> str:
     return ""
 
 
-def _misstated(m: SystematicFit) -> str:
+def suspect_clock_or_latitude(m: SystematicFit) -> str:
     """Suspect the clock or the latitude, where the recording so corrected and fitted again is explained."""
-    stated = _excess(m)
+    stated = chi2_excess(m)
     if stated < MIN_EXCESS:
         return ""
 
     def misfit(correction: Correction) -> float:
         again = iterate(segment(correction.corrected(m.segments.source)), m.wanted, m.base_effects)
-        return _excess(again) / stated if again.converged else np.inf
+        return chi2_excess(again) / stated if again.converged else np.inf
 
-    tried = trials(_corrections(m), misfit, sufficient=MAX_SHARE)
+    tried = successful_trials(_corrections(m), misfit, sufficient=MAX_SHARE)
     return next((trial.candidate.words for trial in tried if trial.misfit <= MAX_SHARE), "")
 
 
-def _excess(m: SystematicFit) -> float:
+def chi2_excess(m: SystematicFit) -> float:
     """Return by how much chi^2 of all innovations is above its degrees of freedom."""
     used = m.segments.believed
     return float(max(m.last.calibrated.distance[used].sum() - 3 * np.count_nonzero(used), 0.0))

@@ -8,7 +8,7 @@ import pytest
 from gimbalcal.diagnose.library.assemble import available, constants_of, free_rows, library, powers, spanned, spans
 from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.search.refit import start
-from gimbalcal.effects import CATALOGUE, absent, parameters
+from gimbalcal.effects import CATALOGUE, parameters, zero_effect
 from gimbalcal.effects.sensor_grades import GRADES
 from gimbalcal.number import Array
 from gimbalcal.views.norm import norm
@@ -35,7 +35,7 @@ def test_a_cause_is_what_the_model_does_not_hold():
 def test_columns_are_what_one_prior_sigma_adds():
     c = next(c for c in KNOWN if c.effect == "base_tilt" and c.axis == "north, east")
     (v,) = c.variants
-    made = absent(CATALOGUE["base_tilt"], STARS.stimulus.axis_names)
+    made = zero_effect(CATALOGUE["base_tilt"], STARS.stimulus.axis_names)
     J = STARS.noise_free([*MODEL.effects, made]).jacobian(
         c.parameters
     )  # where the model is on the stars, not the readouts
@@ -87,8 +87,8 @@ def test_no_shape_has_more_than_half_as_many_columns_as_there_are_rows_to_test_i
 
 
 def test_an_effect_of_the_model_keeps_its_constants():
-    effect = next(i for i in available(STARS) if constants_of(absent(CATALOGUE[i], STARS.stimulus.axis_names)))
-    made = absent(CATALOGUE[effect], STARS.stimulus.axis_names)
+    effect = next(i for i in available(STARS) if constants_of(zero_effect(CATALOGUE[i], STARS.stimulus.axis_names)))
+    made = zero_effect(CATALOGUE[effect], STARS.stimulus.axis_names)
     known = library(replace(MODEL, effects=(*MODEL.effects, made))).candidates
     assert {v.constants for c in known if c.effect == effect for v in c.variants} == {constants_of(made)}
 

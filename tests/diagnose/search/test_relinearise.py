@@ -7,7 +7,7 @@ import numpy as np
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.stated_noise import curved, nominal, scale_to_scatter
 from gimbalcal.diagnose.search.relinearise import about_settings
-from gimbalcal.estimate.grade import graded
+from gimbalcal.estimate.grade import grade_of_unit
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose.grade_plant import PATTERNS, of_force, on_gimbals
 
@@ -17,7 +17,7 @@ DEGREE = 3600.0
 def observed(setting):
     """A clean unit in 18 positions of a table that sets its angles to so many arcsec."""
     r = on_gimbals(3, "tactical", setting=setting)
-    return scale_to_scatter(fit_baseline(view_at_known_attitude(graded([r], "").of([r])[0])))
+    return scale_to_scatter(fit_baseline(view_at_known_attitude(grade_of_unit([r], "").of([r])[0])))
 
 
 def misfit(o):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import values
-from gimbalcal.effects.accelerometer import leaning
+from gimbalcal.effects.accelerometer import misalignment_matrix
 from gimbalcal.estimate.accelerometers.coarse import coarse
 from gimbalcal.estimate.accelerometers.fine import COMBINATIONS, FORCE_TERMS, PAIRS, combinations, fine, norm_rows
 from gimbalcal.estimate.accelerometers.position_fit import fit_in_noise
@@ -29,7 +29,7 @@ def half_squared_norm(measured_force, x):
     """1/2 |f^p|^2 (m,) by Eq. (8), written once more by hand."""
     SF, b, K = 1 + x[:3], x[3:6], x[6:9]
     off = measured_force - b
-    f = np.linalg.inv(np.eye(3) + leaning(x[9:])) @ (SF * (off - K * off**2)).T
+    f = np.linalg.inv(np.eye(3) + misalignment_matrix(x[9:])) @ (SF * (off - K * off**2)).T
     return (f**2).sum(axis=0) / 2
 
 

@@ -8,7 +8,7 @@ import pytest
 from gimbalcal.effects import Effect
 from gimbalcal.effects.accelerometer import Bias, Misalignment, ScaleFactor, ScaleNonlinearity
 from gimbalcal.effects.nonlinearity import CubicNonlinearity
-from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition, unknowns
+from gimbalcal.estimate.accelerometers.multiposition import LINEAR, multiposition, parameters_of_terms
 from gimbalcal.forward import predict
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.platform import BENCH
@@ -149,7 +149,7 @@ def test_too_few_positions_are_refused_with_the_remedy():
 
 
 def test_the_norm_sees_three_of_six_misalignments():
-    assert len(unknowns(LINEAR)) == 9
+    assert len(parameters_of_terms(LINEAR)) == 9
 
 
 def test_a_term_that_a_larger_one_hides_is_asked_once_more():

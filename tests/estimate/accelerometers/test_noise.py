@@ -9,9 +9,9 @@ from gimbalcal.estimate.accelerometers.position_fit import (
     HEADER,
     RESIDUAL,
     SAMPLES,
-    deviance,
     fit_in_noise,
     fit_with_noise,
+    noise_deviance,
     noise_of_positions,
 )
 from gimbalcal.views.positions import Noise, view_of_positions
@@ -90,5 +90,5 @@ def test_the_likelihood_of_a_noise_is_that_of_all_rows_together(each):
     p = fit_in_noise(view, NOISE, wanted)
     assert len(p.rows.r_inside) == len(view) * (each > 1)
     others = [Noise(SAMPLE * a, ARCSEC * b) for a, b in ((1.0, 1.0), (2.0, 1.0), (1.0, 30.0), (0.3, 4.0))]
-    here, dense = (np.array([of(p, noise) for noise in others]) for of in (deviance, dense_deviance))
+    here, dense = (np.array([of(p, noise) for noise in others]) for of in (noise_deviance, dense_deviance))
     np.testing.assert_allclose(here - here[0], dense - dense[0], rtol=1e-6, atol=1e-4)

@@ -7,7 +7,11 @@ import pytest
 
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.estimate.accelerometers.position_fit import noise_of_positions
-from gimbalcal.estimate.accelerometers.position_outliers import acceptable, fit_without_outliers, probability
+from gimbalcal.estimate.accelerometers.position_outliers import (
+    fit_without_outliers,
+    is_explained_by_chance,
+    probability,
+)
 from gimbalcal.views.positions import view_of_positions
 from tests.estimate.device import (
     ARCSEC,
@@ -70,7 +74,7 @@ def test_a_mis_set_position_is_named_with_its_angle(clean, angle):
     said, unit = fault.in_words.split("its force is ")[1].split()[:2]
     # position 7 hangs from the inner gimbal at right angles, so the force turns by the same angle; 4 arcsec of noise
     assert float(said) * {"arcsec": ARCSEC, "deg": np.pi / 180}[unit] == pytest.approx(angle, abs=4 * ARCSEC, rel=6e-3)
-    assert acceptable(fit.solution.chi2, fit.solution.dof)
+    assert is_explained_by_chance(fit.solution.chi2, fit.solution.dof)
 
 
 @pytest.mark.parametrize(("i", "of"), [(1, 5), (8, 14), (3, 9), (0, 12), (16, 2)])
@@ -119,7 +123,7 @@ def test_missing_physics_is_no_fault_of_a_position(clean, effect):
     p = trusted(recording)
     fit = p.fit
     assert p.faults == ()
-    assert not acceptable(fit.solution.chi2, fit.solution.dof)
+    assert not is_explained_by_chance(fit.solution.chi2, fit.solution.dof)
 
 
 def test_a_repeated_position_is_named_with_its_visit(clean):

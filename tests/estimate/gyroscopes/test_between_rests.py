@@ -18,7 +18,7 @@ from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes import between_rests as poses
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, gyroscopes_between_rests
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import fit_turns
-from gimbalcal.estimate.gyroscopes.revolutions import euler, triad_rotation
+from gimbalcal.estimate.gyroscopes.revolutions import euler_angles, triad_rotation
 from gimbalcal.estimate.unit import inertial_unit, with_gyroscopes
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
@@ -147,7 +147,7 @@ def test_rotation_between_the_triads_comes_out_of_the_misalignments():
     turned = turns_between_rests(recording, multiposition(recording, ("bias",)))
     estimate = dict(zip(fit_turns(turned, LINEAR).parameters, x, strict=True))
     np.testing.assert_allclose(poses._inter_triad(estimate), angles, atol=1e-14)  # an exact factorisation
-    np.testing.assert_allclose(euler(triad_rotation(angles)), angles, atol=1e-15)
+    np.testing.assert_allclose(euler_angles(triad_rotation(angles)), angles, atol=1e-15)
 
 
 def test_both_triads_in_one_calibration_correct_a_recording_in_counts():

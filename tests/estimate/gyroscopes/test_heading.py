@@ -8,7 +8,7 @@ import pytest
 from gimbalcal.diagnose import diagnose
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import fit_rests, rests
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import fit_rests, rests_joined_by_turns
 from gimbalcal.views.turns import turns_between_rests
 from tests.benchmarks.unknown_hand import HOUR, LATITUDE, TACTICAL, Setup, record
 
@@ -24,7 +24,7 @@ def heavy(h):
 def fitted(recording, carried=True):
     made = multiposition(recording, ("bias", "scale_factor", "misalignment"))
     turns = turns_between_rests(recording, made)
-    return fit_rests(rests(recording, made, turns if carried else None))
+    return fit_rests(rests_joined_by_turns(recording, made, turns if carried else None))
 
 
 def test_what_is_left_at_rest_is_the_wander_and_not_the_earth():
@@ -57,7 +57,10 @@ def test_where_a_turn_was_not_logged_north_is_unknown_anew():
     time = recording.time + 5.0 * later  # the clock pauses in front of rest 13
     made = multiposition(recording, ("bias", "scale_factor", "misalignment"))
     gap = replace(recording, time=time)
-    n = [np.asarray(rests(r, made, turns_between_rests(r, made)).evaluate(()).nuisance) for r in (recording, gap)]
+    n = [
+        np.asarray(rests_joined_by_turns(r, made, turns_between_rests(r, made)).evaluate(()).nuisance)
+        for r in (recording, gap)
+    ]
     assert [x.shape[-1] for x in n] == [2, 4]
     assert not np.any(n[1][12:, :, :2])
     assert not np.any(n[1][:12, :, 2:])

@@ -9,7 +9,13 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import parameters
 from gimbalcal.effects.gyroscope import GyroBias, GyroGSensitivityRate
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import G_SENSITIVITY, fit_rests, level_of, rests, view_at_rest
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
+    G_SENSITIVITY,
+    fit_rests,
+    level_of,
+    rests_joined_by_turns,
+    view_at_rest,
+)
 from gimbalcal.forward import gyroscopes
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.number import apply_matrix
@@ -39,7 +45,7 @@ def attitudes(g, wander=0.0, seed=0, latitude=LATITUDE):
 
 
 def seen(recording):
-    return rests(recording, multiposition(recording, ("bias",)))
+    return rests_joined_by_turns(recording, multiposition(recording, ("bias",)))
 
 
 def errors(g, wander, seed):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gimbalcal.campaign.trials import POSITIONS, accelerometer_truth, accelerometers, generators, tipped
+from gimbalcal.campaign.trials import POSITIONS, accelerometer_truth, accelerometers, generators, tipped_directions
 from gimbalcal.earth import G0
 from gimbalcal.estimate.pulses import gravity_norm as pulse_fit
 from gimbalcal.estimate.pulses.gravity_norm import Pulses, accelerometer_pulses, initial_scale
@@ -27,7 +27,7 @@ def counts(runs, noise, visits=1):
     truth = accelerometer_truth(generators(5, range(runs)))
     rng = np.random.default_rng(5)
     positions = np.tile(POSITIONS, (visits, 1))
-    force = tipped(positions, 0.05 * rng.standard_normal((runs, *positions.shape))) * G0
+    force = tipped_directions(positions, 0.05 * rng.standard_normal((runs, *positions.shape))) * G0
     return truth, truth.counts(force + noise * rng.standard_normal(force.shape))
 
 

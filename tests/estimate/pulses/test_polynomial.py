@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gimbalcal.campaign.trials import accelerometer_truth, generators
 from gimbalcal.earth import G0
-from gimbalcal.estimate.pulses.gravity_norm import Pulses, lower
+from gimbalcal.estimate.pulses.gravity_norm import Pulses, unit_lower_triangular
 
 
 @settings(deadline=None)
@@ -20,7 +20,7 @@ def test_counts_and_physical_are_inverse(seed):
 
 
 def test_misalignment_is_unit_lower_triangular():
-    assert lower(np.array([1.0, 2.0, 3.0])).tolist() == [[1, 0, 0], [1, 1, 0], [2, 3, 1]]
+    assert unit_lower_triangular(np.array([1.0, 2.0, 3.0])).tolist() == [[1, 0, 0], [1, 1, 0], [2, 3, 1]]
 
 
 def test_a_polynomial_that_folds_is_refused():

@@ -10,10 +10,10 @@ from gimbalcal.estimate.fit import information_of
 from gimbalcal.estimate.static_run.combined_coefficients import (
     MEANS,
     NAMES,
-    combined,
-    matrix,
-    operators,
-    separate,
+    channel_operators,
+    coefficient_matrix,
+    fit_combined,
+    separate_parameters,
 )
 from gimbalcal.estimate.static_run.force_filter import PRIOR_SIGMA
 from gimbalcal.estimate.static_run.system import static_parameters, static_readings, static_view
@@ -27,7 +27,7 @@ TWELVE = tuple(p for i in ("scale_factor", "bias", "misalignment") for p in para
 def by_operators(r, wanted):
     """Sensitivities (15, p) of the coefficients by the forward model's Jacobian and the estimators."""
     J = r.jacobian((), wanted)
-    return np.concatenate([p.apply(J[:, p.channels]) for p in operators(r, (), drift=0, noise="white")])
+    return np.concatenate([p.apply(J[:, p.channels]) for p in channel_operators(r, (), drift=0, noise="white")])
 
 
 def test_formulas_equal_the_forward_models_jacobian():
@@ -35,7 +35,7 @@ def test_formulas_equal_the_forward_models_jacobian():
     day = 2 * np.pi / EARTH_RATE
     r = static_readings(run(hours=day / 3600 * (1 - 1e-9), step=day / 144))
     wanted = tuple(p for p in static_parameters(r) if p.effect != "polar_axis_misalignment")
-    G_model, G_formula = by_operators(r, wanted), matrix(LATITUDE, G, wanted)
+    G_model, G_formula = by_operators(r, wanted), coefficient_matrix(LATITUDE, G, wanted)
     scale = np.array([p.sigma for p in wanted])
     # the prior of 1e-2 on x shrinks it by (sigma / prior)^2 / rows = 1e-9 at most
     assert np.abs((G_model - G_formula) * scale).max() < 1e-8 * np.abs(G_formula * scale).max()
@@ -51,7 +51,7 @@ def test_polar_axis_and_azimuth_of_the_platform_leave_the_coefficients_alone():
 @pytest.mark.parametrize(("means", "rank"), [(True, 9), (False, 7)])
 def test_rank_and_null_directions_of_the_coefficients(means, rank):
     rows = [i for i, name in enumerate(NAMES) if means or name not in MEANS]
-    A = matrix(LATITUDE, G, TWELVE)[rows] * np.array([p.sigma for p in TWELVE])
+    A = coefficient_matrix(LATITUDE, G, TWELVE)[rows] * np.array([p.sigma for p in TWELVE])
     assert np.linalg.matrix_rank(A, tol=1e-12) == rank
     S, C = np.sin(LATITUDE), np.cos(LATITUDE)
     null = [{"bias:x": S * G, "misalignment:xy": 1}, {"bias:y": -S * G, "misalignment:yx": 1},
@@ -62,7 +62,7 @@ def test_rank_and_null_directions_of_the_coefficients(means, rank):
     labels = [p.label for p in TWELVE]
     for direction in null:
         x = np.array([direction.get(label, 0.0) for label in labels])
-        assert np.abs(matrix(LATITUDE, G, TWELVE)[rows] @ x).max() < 1e-15
+        assert np.abs(coefficient_matrix(LATITUDE, G, TWELVE)[rows] @ x).max() < 1e-15
 
 
 def both_roads(seed, drift=1):
@@ -74,9 +74,9 @@ def both_roads(seed, drift=1):
     J = r.jacobian(truth, wanted)
     x = solve(information_of([static_view(r, wanted)], truth, wanted))
     fitted = with_values((), wanted, x.x, r.recording.platform.axis_names)
-    table = combined(r, (), fitted, x, J, drift, "white")
+    table = fit_combined(r, (), fitted, x, J, drift, "white")
     exact = r.residual() - r.residual(truth)
-    parts = operators(r, (), drift, "white")
+    parts = channel_operators(r, (), drift, "white")
     return table, np.concatenate([p.apply(exact[:, p.channels, None])[:, 0] for p in parts])
 
 
@@ -102,7 +102,7 @@ def test_two_roads_are_consistent_and_as_uncertain_as_claimed():
 
 def test_tables_2_and_3_of_the_paper_give_the_derived_reference_values():
     S, C = np.sin(LATITUDE), np.cos(LATITUDE)
-    c = dict(zip(NAMES, matrix(LATITUDE, G, TWELVE) @ values(TABLE_2_3, TWELVE), strict=True))
+    c = dict(zip(NAMES, coefficient_matrix(LATITUDE, G, TWELVE) @ values(TABLE_2_3, TWELVE), strict=True))
     arcsec = np.deg2rad(1 / 3600)
     # in estimate minus true, Eqs. (21)-(38) as printed, with Tables 2 and 3
     assert c["x1"] == pytest.approx(1.5e-4 * C**2 - (1e-3 / G + 1e-4 * S) * S, rel=1e-12)
@@ -119,7 +119,7 @@ def test_tables_2_and_3_of_the_paper_give_the_derived_reference_values():
 
 def test_closure_relations_hold_for_any_parameters():
     x = np.random.default_rng(5).normal(size=12) * [p.sigma for p in TWELVE]
-    c = dict(zip(NAMES, matrix(LATITUDE, G, TWELVE) @ x, strict=True))
+    c = dict(zip(NAMES, coefficient_matrix(LATITUDE, G, TWELVE) @ x, strict=True))
     S, C = np.sin(LATITUDE), np.cos(LATITUDE)
     assert c["phi_2s"] == pytest.approx(-c["x4"] * C, rel=1e-12)
     assert c["theta_2c"] == pytest.approx(c["x4"] * S * C, rel=1e-12)
@@ -138,8 +138,8 @@ def test_separation_finds_what_is_determined_and_names_the_rest():
     names = tuple(n for n in NAMES if n not in MEANS)
     variance = np.diag([(1e-7 * size[n]) ** 2 for n in names])
     rows = [NAMES.index(n) for n in names]
-    A = matrix(LATITUDE, G, TWELVE)[rows]
-    s = separate(names, A @ x, variance, LATITUDE, G, TWELVE)
+    A = coefficient_matrix(LATITUDE, G, TWELVE)[rows]
+    s = separate_parameters(names, A @ x, variance, LATITUDE, G, TWELVE)
     assert len(s.unobservable) == 5
     assert any(set(u.direction) == {"bias:x", "misalignment:xy"} for u in s.unobservable)
     labels = [p.label for p in TWELVE]

@@ -7,9 +7,9 @@ from scipy.stats import chi2
 from gimbalcal.estimate.static_run.force_filter import (
     NAMES,
     ForceInformation,
-    accumulate,
-    convergence,
-    estimate,
+    accumulated_information,
+    convergence_history,
+    estimate_state,
     kalman,
     minute_means,
     observation_matrix,
@@ -37,7 +37,7 @@ def worst(a, x, P):
 @pytest.mark.parametrize(("hours", "step"), [(24.0, 60.0), (7.3, 20.0), (60.0, 300.0)])
 def test_filter_equals_information_form(hours, step):
     z, H, variance = rows(hours, step)
-    batch = estimate(accumulate(z, H, variance))
+    batch = estimate_state(accumulated_information(z, H, variance))
     sequential = kalman(z, H, variance)[0]
     assert worst(batch, sequential.x, sequential.P) < 1e-9  # in units of sigma; rounding accumulates to 1e-11
     assert batch.chi2 == pytest.approx(sequential.chi2, rel=1e-9)
@@ -47,19 +47,19 @@ def test_filter_equals_information_form(hours, step):
 def test_filter_and_information_form_stay_equal_however_small_the_noise(sigma):
     H = observation_matrix(static(48.0, 900.0).force / G)
     z = H @ X + np.random.default_rng(9).normal(size=len(H)) * sigma
-    a, b = estimate(accumulate(z, H, sigma**2)), kalman(z, H, sigma**2)[0]
+    a, b = estimate_state(accumulated_information(z, H, sigma**2)), kalman(z, H, sigma**2)[0]
     assert worst(a, b.x, b.P) < 1e-9
 
 
 def test_pieces_in_any_order_and_missing_rows_are_the_same_estimate():
     z, H, variance = rows(30.0, 60.0)
-    whole = estimate(accumulate(z, H, variance))
-    parts = [accumulate(z[i::7], H[i::7], variance[i::7]) for i in (3, 0, 6, 1, 5, 2, 4)]
-    pieced = estimate(ForceInformation(*(sum(terms) for terms in zip(*parts, strict=True))))
+    whole = estimate_state(accumulated_information(z, H, variance))
+    parts = [accumulated_information(z[i::7], H[i::7], variance[i::7]) for i in (3, 0, 6, 1, 5, 2, 4)]
+    pieced = estimate_state(ForceInformation(*(sum(terms) for terms in zip(*parts, strict=True))))
     assert worst(whole, pieced.x, pieced.P) < 1e-9
     keep = np.arange(len(z)) % 3 > 0
     gappy = kalman(np.where(keep, z, np.nan), H, variance)[0]
-    dropped = estimate(accumulate(z[keep], H[keep], variance[keep]))
+    dropped = estimate_state(accumulated_information(z[keep], H[keep], variance[keep]))
     assert worst(dropped, gappy.x, gappy.P) < 1e-9
     assert gappy.rows == dropped.rows == keep.sum()
 
@@ -68,7 +68,7 @@ def test_estimates_are_as_uncertain_as_claimed():
     runs, nees, misfit, dof = 200, 0.0, 0.0, 0
     for seed in range(runs):
         z, H, variance = rows(31.0, 600.0, seed)
-        s = estimate(accumulate(z, H, variance))
+        s = estimate_state(accumulated_information(z, H, variance))
         nees += (s.x - X) @ np.linalg.solve(s.P, s.x - X)
         misfit, dof = misfit + s.chi2, dof + len(z) - 5
     assert chi2.ppf(0.0005, runs * 5) < nees < chi2.ppf(0.9995, runs * 5)
@@ -109,8 +109,10 @@ def test_the_filter_of_a_run_converges_to_the_closed_form():
     u = static(48.0, 15.0).force / G  # four rows a minute
     time, sigma = 15.0 * np.arange(len(u)), np.full((len(u), 3), 2e-4)
     noise = np.random.default_rng(12).normal(size=u.shape) * sigma
-    stage = convergence(time, departures(X, u, noise), u, sigma, G)
-    closed = estimate(accumulate(projection(departures(X, u, noise), u, G), observation_matrix(u), (2e-4 / G) ** 2))
+    stage = convergence_history(time, departures(X, u, noise), u, sigma, G)
+    closed = estimate_state(
+        accumulated_information(projection(departures(X, u, noise), u, G), observation_matrix(u), (2e-4 / G) ** 2)
+    )
     assert stage.labels == NAMES
     assert np.abs((stage.values - closed.x) / closed.sigma).max() < 0.05
     np.testing.assert_allclose(stage.sigmas, closed.sigma, rtol=1e-3)
@@ -133,12 +135,14 @@ def test_the_squares_of_eq_20_are_counted_and_a_disagreement_is_said(monkeypatch
     time, sigma = 60.0 * np.arange(len(u)), np.full((len(u), 3), 1e-5)
     large = X * 10  # a scale factor of 1100 ppm: the squares of Eq. (20) are 6e-7, many sigma of so little noise
     departure = departures(large, u, np.random.default_rng(2).normal(size=u.shape) * sigma)
-    stage = convergence(time, departure, u, sigma, G)
+    stage = convergence_history(time, departure, u, sigma, G)
     difference = float(stage.in_words.split("at most ")[1].split(" of")[0])
     assert difference > 3
     assert stage.in_words.endswith("which the squares in Eq. (20) explain")
-    monkeypatch.setattr(f"{convergence.__module__}.estimate", lambda total: estimate(total)._replace(x=2 * large))
-    assert "filter and closed form disagree" in convergence(time, departure, u, sigma, G).in_words
+    monkeypatch.setattr(
+        f"{convergence_history.__module__}.estimate", lambda total: estimate_state(total)._replace(x=2 * large)
+    )
+    assert "filter and closed form disagree" in convergence_history(time, departure, u, sigma, G).in_words
 
 
 def test_the_mean_that_noise_gives_to_eq_20_is_taken_off():
@@ -146,7 +150,7 @@ def test_the_mean_that_noise_gives_to_eq_20_is_taken_off():
     u = static(48.0, 15.0).force / G
     time, sigma = 1e5 + 15.0 * np.arange(len(u)), np.full((len(u), 3), 0.3)
     noise = np.random.default_rng(13).normal(size=u.shape) * sigma
-    stage = convergence(time, departures(X, u, noise), u, sigma, G)
+    stage = convergence_history(time, departures(X, u, noise), u, sigma, G)
     assert np.abs((stage.values - X) / stage.sigmas).max() < 4
     assert 0 < stage.history.time[0] < 60  # from the first row on
 
@@ -156,6 +160,9 @@ def test_minute_means_keep_the_information_of_their_rows():
     time, mean, mean_H, mean_variance = minute_means(10.0 * np.arange(len(z)), z, H, variance)
     assert len(mean) == 600
     np.testing.assert_allclose(np.diff(time), 60.0)
-    a, b = estimate(accumulate(z, H, variance)), estimate(accumulate(mean, mean_H, mean_variance))
+    a, b = (
+        estimate_state(accumulated_information(z, H, variance)),
+        estimate_state(accumulated_information(mean, mean_H, mean_variance)),
+    )
     assert np.abs((a.x - b.x) / a.sigma).max() < 0.02
     np.testing.assert_allclose(a.sigma, b.sigma, rtol=1e-4)

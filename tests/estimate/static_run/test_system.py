@@ -8,11 +8,11 @@ from scipy.stats import chi2
 
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, values
-from gimbalcal.estimate.static_run.combined_coefficients import MEANS, NAMES, matrix
+from gimbalcal.estimate.static_run.combined_coefficients import MEANS, NAMES, coefficient_matrix
 from gimbalcal.estimate.static_run.force_filter import kalman, observation_matrix, projection
-from gimbalcal.estimate.static_run.system import static, static_parameters, static_readings
+from gimbalcal.estimate.static_run.system import calibrate_static_run, static_parameters, static_readings
 from gimbalcal.inference.information import solve
-from gimbalcal.kinematics import shortening
+from gimbalcal.kinematics import mean_shortening
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import read
 from tests.estimate.static_runs import TABLE_2_3, draw, run, static_information
@@ -27,13 +27,13 @@ CLEAN = ROOT.parent / "shared" / "challenge" / "open" / "static-029"
 def test_parameters_without_noise_come_back_in_every_seen_direction():
     truth = draw(np.random.default_rng(1), (*ALL, "scale_nonlinearity"))
     recording = run(truth)
-    found = static(static_readings(recording))
+    found = calibrate_static_run(static_readings(recording))
     assert found.outcome == ""
     # what is left is of second order in the error of the first solution: far below the noise it was weighted with
     assert found.residual.chi2 < 1e-2
     assert found.residual.rms["specific_force:x"] < 1e-7  # unobservable parts of 3e-4 rad times turns of 1e-4
     x = values(truth, found.parameters)
-    difference = matrix(LATITUDE, G, found.parameters) @ (found.values - x)
+    difference = coefficient_matrix(LATITUDE, G, found.parameters) @ (found.values - x)
     assert np.abs(difference).max() < 1e-7  # second-order terms of unobservable parts again
 
 
@@ -62,7 +62,7 @@ def test_errors_are_as_large_as_claimed_in_seen_directions():
         x[[p.axis for p in wanted].index("polar")] += (
             run_.phase - static_readings(run(hours=30.0, step=1200.0)).phase
         )[0]
-        found = static(static_readings(recording), wanted=wanted)
+        found = calibrate_static_run(static_readings(recording), wanted=wanted)
         info = static_information(recording, found.effects, wanted)
         s = solve(info)
         scale = np.array([p.sigma for p in wanted])
@@ -87,7 +87,7 @@ def test_fewer_channels_are_enough_for_what_they_see(quantities, rank):
     if "specific_force" in quantities:
         del kept["gimbal_angle", "platform"]  # the phase then comes from the force
     part = dataclasses.replace(recording, channels=kept)
-    found = static(static_readings(part))
+    found = calibrate_static_run(static_readings(part))
     assert not any(p.label == "gimbal_zero:middle" for p in found.parameters)
     assert len(found.parameters) - len(found.unobservable) == rank
     assert 0.8 < found.residual.chi2 / found.residual.dof < 1.2
@@ -105,13 +105,16 @@ def test_block_means_are_not_taken_for_instantaneous_force():
         fine, time=fine.time[: rows * n].reshape(rows, n).mean(axis=1), channels=mean, weight=np.full(rows, float(n))
     )
     x = EARTH_RATE * n * step / 2
-    np.testing.assert_allclose(shortening(coarse), 1 - np.sin(x) / x, rtol=1e-4)
-    assert shortening(coarse)[0] > 2e-3
-    A = matrix(LATITUDE, G, static(static_readings(coarse)).parameters)
+    np.testing.assert_allclose(mean_shortening(coarse), 1 - np.sin(x) / x, rtol=1e-4)
+    assert mean_shortening(coarse)[0] > 2e-3
+    A = coefficient_matrix(LATITUDE, G, calibrate_static_run(static_readings(coarse)).parameters)
     keep = [i for i, name in enumerate(NAMES) if name not in MEANS]
-    found, truth = static(static_readings(coarse)), values(TABLE_2_3, static(static_readings(coarse)).parameters)
+    found, truth = (
+        calibrate_static_run(static_readings(coarse)),
+        values(TABLE_2_3, calibrate_static_run(static_readings(coarse)).parameters),
+    )
     assert np.abs((A @ (found.values - truth))[keep]).max() < 3e-6  # of 2e-3 without; left is 3e-3 of 2e-4
-    assert np.abs(shortening(fine)).max() == 0
+    assert np.abs(mean_shortening(fine)).max() == 0
 
 
 def _unwrapped(recording):
@@ -121,11 +124,11 @@ def _unwrapped(recording):
 def test_the_stage_is_the_paper_s_filter_run_sample_by_sample():
     recording = run(TABLE_2_3, np.random.default_rng(7))
     a, left = filtered(recording), filtered(recording, TABLE_2_3)
-    stage = static(static_readings(recording)).stages[0]
+    stage = calibrate_static_run(static_readings(recording)).stages[0]
     assert np.abs((stage.values[:5] - a.x) / a.sigma).max() < 1e-9
     np.testing.assert_allclose(stage.sigmas[:5], a.sigma, rtol=1e-9)
     assert 0.8 < a.chi2 / (a.rows - 5) < 1.2
-    by_minutes = static(static_readings(recording)).stages[1]
+    by_minutes = calibrate_static_run(static_readings(recording)).stages[1]
     assert np.abs((by_minutes.values - a.x) / a.sigma).max() < 1  # with the squares of Eq. (20)
     assert np.abs(left.x / left.sigma).max() < 4
 
@@ -143,7 +146,12 @@ def test_noise_that_the_header_does_not_state_is_estimated():
     silent = dataclasses.replace(recording, noise={})
     stated, found = static_readings(recording).sigma, static_readings(silent).sigma
     np.testing.assert_allclose(found[0], stated[0], rtol=0.12)  # 1440 rows, third differences: 3 % one sigma
-    assert 0.9 < static(static_readings(silent)).residual.chi2 / static(static_readings(silent)).residual.dof < 1.1
+    assert (
+        0.9
+        < calibrate_static_run(static_readings(silent)).residual.chi2
+        / calibrate_static_run(static_readings(silent)).residual.dof
+        < 1.1
+    )
     exact = dataclasses.replace(run(), noise={})
     with refused():
         static_readings(dataclasses.replace(exact, channels={k: 0 * v for k, v in exact.channels.items()}))
@@ -153,7 +161,7 @@ def test_effects_that_are_not_wanted_are_held():
     recording = run(TABLE_2_3, np.random.default_rng(6))
     wanted = tuple(p for p in static_parameters(static_readings(recording)) if p.effect in ("bias", "scale_factor"))
     held = (CATALOGUE["misalignment"](beta=TABLE_2_3[2].beta),)
-    found = static(static_readings(recording), held, wanted)
+    found = calibrate_static_run(static_readings(recording), held, wanted)
     assert found.parameters == wanted
     assert abs(found.residual.chi2 / found.residual.dof - 1) < 0.1
     np.testing.assert_allclose(
@@ -169,8 +177,8 @@ def test_a_run_that_the_model_does_not_explain_is_told():
     wave = 5e-4 * np.sin(2 * np.pi * recording.time / 7200.0)  # m/s^2, every two hours
     x = ("specific_force", "x")
     bad = recording.with_channels({x: recording.channels[x] + wave})
-    golden_text(static(static_readings(bad)).outcome)
-    assert static(static_readings(recording)).outcome == ""
+    golden_text(calibrate_static_run(static_readings(bad)).outcome)
+    assert calibrate_static_run(static_readings(recording)).outcome == ""
 
 
 def test_another_kind_of_recording_is_refused():
@@ -181,6 +189,6 @@ def test_another_kind_of_recording_is_refused():
 
 @pytest.mark.skipif(not CLEAN.is_dir(), reason="the clean static run of the open challenge is not on this machine")
 def test_an_independent_plants_clean_run_is_explained_to_the_noise():
-    found = static(static_readings(read(CLEAN, average_s=60.0)))
+    found = calibrate_static_run(static_readings(read(CLEAN, average_s=60.0)))
     assert chi2.ppf(0.0005, found.residual.dof) < found.residual.chi2 < chi2.ppf(0.9995, found.residual.dof)
     assert found.stages[0].labels == NAMES

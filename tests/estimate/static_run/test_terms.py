@@ -7,9 +7,9 @@ import pytest
 
 from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.position_fit import HEADER, SAMPLES
-from gimbalcal.estimate.static_run.combined_coefficients import NAMES, matrix
+from gimbalcal.estimate.static_run.combined_coefficients import NAMES, coefficient_matrix
 from gimbalcal.estimate.static_run.force_filter import observation_matrix, projection
-from gimbalcal.estimate.static_run.system import noise_from, static, static_parameters, static_readings
+from gimbalcal.estimate.static_run.system import calibrate_static_run, noise_from, static_parameters, static_readings
 from gimbalcal.forward import accelerometers
 from gimbalcal.kinematics import with_phase_of_force
 from gimbalcal.readings import readings
@@ -25,7 +25,7 @@ def test_the_columns_of_equation_27_are_what_errors_of_the_sensors_do_to_the_nor
     ]
     x = np.array([1e-3 * p.sigma for p in wanted]) * rng.standard_normal(len(wanted))
     departure = accelerometers(s.force, s, with_values((), wanted, x)) - s.force
-    combined = matrix(LATITUDE, G, wanted)[[NAMES.index(f"x{i}") for i in range(1, 6)]] @ x
+    combined = coefficient_matrix(LATITUDE, G, wanted)[[NAMES.index(f"x{i}") for i in range(1, 6)]] @ x
     found = observation_matrix(s.force / G) @ combined
     # products of two errors: 1e-6
     np.testing.assert_allclose(found, projection(departure, s.force / G, G), atol=1e-5 * np.abs(found).max())
@@ -40,7 +40,7 @@ def test_without_a_platform_readout_the_force_tells_the_phase():
 
 
 def test_the_stage_says_by_how_many_sigmas_the_two_roads_differ():
-    words = static(static_readings(run(TABLE_2_3, np.random.default_rng(6)))).stages[0].in_words
+    words = calibrate_static_run(static_readings(run(TABLE_2_3, np.random.default_rng(6)))).stages[0].in_words
     worst = float(words.split("more than ")[1].split(" of its sigma")[0])
     assert 0.2 < worst < 5  # the largest of fifteen differences of about a sigma or less
 
@@ -70,7 +70,7 @@ def test_one_silent_channel_is_enough_to_say_that_samples_told_the_noise():
 
 def test_the_residual_of_a_run_is_its_noise_channel_by_channel():
     recording = run(TABLE_2_3, np.random.default_rng(5))
-    found = static(static_readings(recording))
+    found = calibrate_static_run(static_readings(recording))
     for axis in "xyz":
         # 288 rows: 4 % a sigma
         assert found.residual.rms[f"specific_force:{axis}"] == pytest.approx(NOISE["accelerometer"], rel=0.2)
