@@ -31,6 +31,7 @@ from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES, followed_covariate
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
+from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers, norm_outliers_in_words
 from gimbalcal.estimate.caveats import misheld_positions
 from gimbalcal.estimate.gyroscopes.rate_table import on_a_table
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
@@ -44,7 +45,7 @@ from gimbalcal.estimate.systematic.calibrate import navigation_view
 from gimbalcal.kinematics import ideal_force
 from gimbalcal.progress import Progress
 from gimbalcal.recording import Recording, dwell_means
-from gimbalcal.recording.dwell import attitudes, in_blocks
+from gimbalcal.recording.dwell import attitudes, in_blocks, without_dwells
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
@@ -58,6 +59,7 @@ from gimbalcal.views.slews import view_of_slews
 from gimbalcal.views.tilting_table import tilting_table
 from gimbalcal.views.turns import TURNS
 from gimbalcal.words import diagnosis_sentences
+from gimbalcal.words.naming import capitalised
 
 ROUNDS = 2  # in which stars are omitted: those that the first hid show in the second
 MAX_OUTLIER_SHARE = 0.05  # of the stars, at the most; more are a pattern, or the tails of the seeing
@@ -115,7 +117,9 @@ def diagnose_recording(request: DiagnosisRequest) -> Diagnosis:
     elif not lacks_known_attitude(recording):
         parts, notes = of_rotating_rig(request) if recording.kind.rotating else of_gimballed_unit(request)
     else:
+        request, omitted = _without_odd_rests(request)
         parts, notes = of_triads(request)
+        parts, notes = [replace(d, used=request.recording if omitted else None) for d in parts], [*omitted, *notes]
     if not parts:
         raise InputError(
             f"{recording.title!r} leaves nothing to compare: at rest it takes {FORCE} along x, y and z, and "
@@ -232,6 +236,19 @@ def single_view(request: DiagnosisRequest) -> View:
     # every term is fitted anew: a calibration says which the model holds
     effects = tuple(dict.fromkeys(p.effect for p in calibration.parameters)) if calibration else ()
     return recording.kind.view_of(recording, baseline or effects).without_nuisances()
+
+
+def _without_odd_rests(request: DiagnosisRequest) -> tuple[DiagnosisRequest, list[str]]:
+    """Return the request without rests whose force no other rest agrees with, as it is calibrated, and notes on them.
+
+    Three of two hundred that are off by fifty sigma hide a misalignment of thirty, and look like a formula.
+    """
+    mine, gyro = by_triad(request.baseline)
+    if not request.recording.has(FORCE) or (gyro and not mine):
+        return request, []
+    odd = norm_outliers(request.recording)
+    recording = without_dwells(request.recording, [rest.dwell for rest in odd])
+    return request.of(recording), [f"{capitalised(words)}." for words in norm_outliers_in_words(odd)]
 
 
 def of_triads(request: DiagnosisRequest) -> Parts:

@@ -1,6 +1,7 @@
 r"""Rests that do not belong among the others where no angle is known: a number off by one, a reading wrong, a knock.
 
-Rests are left out, one or two of them in every possible way, and an ellipsoid is laid through the others without
+Rests are left out, one or two of them in every possible way, and of many rests more, those that fit worst without each
+other (the concentration steps of Rousseeuw and Van Driessen, 1999). An ellipsoid is laid through the others without
 iteration, so that nothing is dragged by what is wrong:
 
 .. math:: u^T Q u + q^T u = 1 + \rho, \qquad |h^{-1}(u)| = \sqrt{1 + s \rho}, \quad
@@ -36,7 +37,8 @@ from gimbalcal.units import from_si
 
 MIN_OUTLIER_SIGMAS = 10.0  # sigmas; heavy tails reach half of it in a hundred recordings
 SIGNIFICANCE = 1e-6  # probability, choices of rests paid, by which chance is not believed
-MAX_OUTLIERS = 2  # of more, one could not say which rests are the reference
+MAX_OUTLIERS, MAX_SHARE = 2, 1 / 30  # or that share of many rests: of more, one could not say which are the reference
+CONCENTRATIONS = 10  # steps to the rests that fit worst where these are left out, more than can be tried in every way
 MAX_SUSPECTS = 40  # rests, those that fit worst with all others: where there are more, two outliers drag a fit little
 MIN_SPARE_DWELLS = 4  # rests beyond the parameters: with fewer, leaving one out tests nothing
 RIDGE = 0.01  # noise of 1e-3 over a prior of 0.1: what turns do not show of a unit, as six faces do not, is small
@@ -53,7 +55,7 @@ class NormOutlier:
 
 
 def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:
-    """Return the dwells whose norm does not fit the others, `MAX_OUTLIERS` at most.
+    """Return the dwells whose norm does not fit the others, `MAX_OUTLIERS` or `MAX_SHARE` of them at most.
 
     None where the others do not fit each other without them either.
     """
@@ -64,10 +66,12 @@ def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:
     unit = None if every.counted(FORCE) else g
     noise = (every.sigma("accelerometer") or 0.0) / np.sqrt(every.weight)
     remaining, outliers = np.arange(len(every.time)), dict[int, float]()
-    while len(outliers) <= MAX_OUTLIERS:
-        more = deviating_rests(y, unit, noise, remaining, 1) or deviating_rests(
-            y, unit, noise, remaining, 2
-        )  # two together hide each other
+    most = max(MAX_OUTLIERS, int(MAX_SHARE * len(y)))
+    while len(outliers) <= most:
+        together = (
+            deviating_rests(y, unit, noise, remaining, k) for k in range(1, most + 1)
+        )  # several hide each other
+        more = next(filter(None, together), {})
         if not more:
             return tuple(NormOutlier(k, int(position[k]), g * off) for k, off in sorted(outliers.items()))
         outliers |= more
@@ -85,12 +89,14 @@ def deviating_rests(
     m = len(remaining)
     if m < MIN_POINTS + MIN_SPARE_DWELLS + several - 1:
         return {}
-    everyone = ellipsoids_without(y[remaining], unit, np.ones((1, m)))
-    suspects = np.sort(np.argsort(-np.abs(everyone.rho[0]))[:MAX_SUSPECTS])
-    choices = np.array(list(combinations(suspects, several)))
-    kept = np.ones((len(choices), m))
-    np.put_along_axis(kept, choices, 0.0, axis=1)
-    through = ellipsoids_without(y[remaining], unit, kept)
+    worst = _worst(y[remaining], unit, np.zeros(0, dtype=int))
+    if several <= MAX_OUTLIERS:
+        choices = np.array(list(combinations(np.sort(worst[:MAX_SUSPECTS]), several)))
+    else:
+        for _ in range(CONCENTRATIONS):
+            worst = _worst(y[remaining], unit, worst[:several])
+        choices = worst[None, :several]
+    through = ellipsoids_without(y[remaining], unit, _without(m, choices))
     best = int(np.argmin(through.usual))
     if not np.isfinite(through.usual[best]):
         return {}
@@ -102,6 +108,18 @@ def deviating_rests(
     noise_rms = noise[remaining[gone]] / through.size[best]
     sigmas = np.abs(off) / np.hypot(through.usual[best] * np.sqrt(1 + tied), noise_rms)
     return dict(zip(remaining[gone].tolist(), off.tolist(), strict=True)) if np.all(sigmas > least) else {}
+
+
+def _worst(y: Array, unit: float | None, gone: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the rests y (m, 3), from the one that lies farthest from the ellipsoid through all but those gone."""
+    return np.argsort(-np.abs(ellipsoids_without(y, unit, _without(len(y), gone[None])).rho[0]))
+
+
+def _without(m: int, choices: NDArray[np.int64]) -> Array:
+    """Return which of m rests are kept (r, m) without those of each choice (r, k)."""
+    kept = np.ones((len(choices), m))
+    np.put_along_axis(kept, choices, 0.0, axis=1)
+    return kept
 
 
 class _Ellipsoids(NamedTuple):

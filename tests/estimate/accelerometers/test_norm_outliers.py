@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.checks.table import refuse_implausible
+from gimbalcal.diagnose import diagnose
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR
 from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers
 from gimbalcal.estimate.unit import inertial_unit
@@ -70,6 +71,21 @@ def test_of_many_wrong_rests_none_is_the_reference():
     for k in (2, 7, 11, 19, 23):
         r = damaged(r, k, "in g")
     assert norm_outliers(r) == ()
+
+
+def test_as_many_wrong_rests_as_their_number_allows_are_named_by_calibration_and_diagnosis():
+    """Three of ninety would hide any misalignment."""
+    r, wrong = turned(4, n=90), (20, 50, 80)
+    y = r.triad("specific_force").copy()
+    y[list(wrong)] *= 0.93
+    bad = table(y)
+    assert [s.position for s in norm_outliers(bad)] == [k + 1 for k in wrong]
+    found = diagnose([bad], baseline=["bias", "scale_factor"])
+    assert [f.effect for f in found.findings] == ["misalignment"]
+    assert "Positions 21, 51 and 81 are off what all others say by" in found.in_words
+    made = inertial_unit(r.select(np.setdiff1d(np.arange(90), wrong)), LINEAR)
+    without = {e.parameter.label: e.value for e in made.estimates}
+    assert all(abs(e.value - without[e.parameter.label]) < 3 * e.sigma for e in found.calibration.estimates)
 
 
 def test_a_rest_that_alone_shows_a_direction_is_kept():
