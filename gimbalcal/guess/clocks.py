@@ -213,11 +213,14 @@ def regular_column(log: Log) -> str:
     for name, x in log.unknown.items():
         if len(x) < MIN_ROWS or not np.all(np.isfinite(x)) or is_counter(name) or states_other_unit(name):
             continue
-        step = np.diff(x)
-        count = bool(np.all(step == step[0])) and step[0] == np.round(step[0]) and x[0] in (0.0, 1.0)
-        if np.all(step > 0) and (jitter(x) < 0.5 or unit_of_epoch(x)) and not count:
+        if np.all(np.diff(x) > 0) and (jitter(x) < 0.5 or unit_of_epoch(x)) and not counts_rows(x):
             return name
     return ""
+
+
+def counts_rows(x: Array) -> bool:
+    """Return whether a column (n,) is the number of each row, from 0 or 1 on."""
+    return bool(x[0] in (0.0, 1.0) and np.all(np.diff(x) == 1))
 
 
 def in_unit(log: Log, unit: str) -> Log:

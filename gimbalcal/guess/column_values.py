@@ -13,6 +13,7 @@ import numpy as np
 from gimbalcal.checks.forces import MAX_RANGE_ERROR, other_range
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
+from gimbalcal.guess.clocks import counts_rows
 from gimbalcal.guess.column_names import NOT_A_TRIAD, by_name, is_counter, plain, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.number import Array
@@ -53,9 +54,9 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     columns = {name: x[filled] for name, x in columns.items()} if filled.any() else {}
     growing = [name for name, x in columns.items() if len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]]
     names = [name for name, x in columns.items() if name not in growing and np.nanmin(x) < np.nanmax(x)]
-    if growing:
-        which = "first" if growing[0] == next(iter(columns)) else "first of those"
-        out[growing[0]] = Guess("time", "", "", f"the {which} column, which grows from row to row")
+    if clock := next((name for name in growing if not counts_rows(columns[name])), ""):
+        which = "first" if clock == next(iter(columns)) else "first of those"
+        out[clock] = Guess("time", "", "", f"the {which} column, which grows from row to row")
 
     def values(triple: Sequence[str]) -> list[Array]:
         return [columns[name] for name in triple]

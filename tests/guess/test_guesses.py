@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.guess.clocks import costs_of_unit, in_unit, jitter, single_sensor, unit_of_time
-from gimbalcal.guess.column_values import costs_of_rate
+from gimbalcal.guess.column_values import by_order, costs_of_rate
 from gimbalcal.guess.gimbal_chain import unit_of_angle
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import on_one_clock, without_duplicates
@@ -64,6 +64,17 @@ def test_no_log_is_shorter_than_a_second():
     """Rows of 9.6 Hz for three minutes are not rows of 9.6 kHz for 0.2 s."""
     costs = costs_of_unit(104.0 * np.arange(1822))
     assert costs["us"][0] > costs["ms"][0] + 5
+
+
+@pytest.mark.parametrize("first", [0.0, 1.0])
+def test_a_first_column_that_numbers_the_rows_is_no_clock(first):
+    """As a table of readings alone is written with the number of each row; a later column that grows may be one."""
+    number = first + np.arange(300.0)
+    forces = dict(zip("345", np.random.default_rng(1).normal([[0.3], [-0.1], [9.8]], 0.05, (3, 300)), strict=True))
+    assert {g.quantity for g in by_order({"1": number, **forces}).values()} == {"specific_force"}
+    for clock in (0.02 * number, 20 * number, 5.0 + number):
+        guesses = by_order({"1": number, "2": clock, **forces})
+        assert [n for n, g in guesses.items() if g.quantity == "time"] == ["2"]
 
 
 def test_another_unit_of_a_clock_is_said_with_its_rate():
