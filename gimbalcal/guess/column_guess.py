@@ -25,6 +25,7 @@ from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import DWELL_ROWS, without_duplicates
 from gimbalcal.guess.text_table import Table
 from gimbalcal.guess.unit_candidates import rate_costs
+from gimbalcal.inference.ellipsoid import design
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import ROW_STEP_S
 from gimbalcal.recording.detection import step_of_most_changes
@@ -34,6 +35,10 @@ JOINED_CLOCK = "time of two columns"
 MIN_STEP = 0.05  # of the norm of the force, from row to row: no log is so slow, but a table of positions is
 MAX_NORM_SPREAD = 0.1  # of the force at all but a few dwells
 MAX_DWELLS = 2000  # rows of such a table
+MIN_ELLIPSOID_ROWS, MAX_OFF_ELLIPSOID = (
+    30,
+    0.02,
+)  # rows that show an ellipsoid, and how far from it most rests are, in g
 MAX_NUMBERED = 100  # rows that are numbered as positions although the force hardly turns: a count of samples has more
 MIN_HELD_ROWS, MIN_PROBABILITY = 20, 1e-6  # equal rows of all sensors that may be held, and that chance leaves so
 
@@ -202,7 +207,15 @@ def _turns_each_row(force: Sequence[Array]) -> bool:
     f = np.stack([x[whole] for x in force], axis=-1)
     step, norm = np.linalg.norm(np.diff(f, axis=0), axis=1), np.linalg.norm(f, axis=1)
     alike = np.quantile(np.abs(norm / np.median(norm) - 1), 0.9) < MAX_NORM_SPREAD
-    return bool(alike and np.mean(step > MIN_STEP * np.median(norm)) > 0.5)
+    turns = np.mean(step > MIN_STEP * np.median(norm)) > 0.5
+    return bool(alike and turns and (len(f) < MIN_ELLIPSOID_ROWS or _on_an_ellipsoid(f / np.median(norm))))
+
+
+def _on_an_ellipsoid(f: Array) -> bool:
+    """Return whether forces (n, 3) lie on the ellipsoid through them, as means at rest do whatever the sensors are."""
+    A = design(f)
+    off = A @ np.linalg.lstsq(A, np.ones(len(A)), rcond=None)[0] - 1
+    return bool(np.quantile(np.abs(off) / 2, 0.8) < MAX_OFF_ELLIPSOID)
 
 
 def _table_of_dwells(log: Log) -> Log:

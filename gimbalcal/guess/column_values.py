@@ -71,7 +71,7 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     if forces:
         at = names.index(forces[0][0])
         triples = [names[k : k + 3] for k in (*range(at + 3, len(names) - 2, 3), *range(at - 3, -1, -3))]
-    rates = [t for t in triples if t not in forces[:1]] if forces else []
+    rates = [t for t in triples if t not in forces[:1] and not _points_everywhere(values(t))] if forces else []
     rates.sort(key=lambda t: not all(map(_returns_to_a_level, values(t))))  # a magnetometer does not
     out |= _triads(forces[:1], FORCE, lambda _: "", "three columns whose length hardly changes")
     return out | _triads(rates[:1], RATE, lambda _: "", "three columns beside the forces")
@@ -87,10 +87,16 @@ def by_similar_names(columns: Mapping[str, Array]) -> dict[str, Guess]:
     whole = {t: np.isfinite(np.stack([columns[n] for n in t])).all(axis=0) for t in triples}
     values = {t: [columns[n][whole[t]] for n in t] for t in triples if whole[t].any()}
     forces = [t for t, x in values.items() if _of_constant_length(x) and changes_direction(x)]
-    rates = [t for t, x in values.items() if t not in forces and all(map(_returns_to_a_level, x))]
+    others = [t for t in values if t not in forces]
+    behind = {
+        tuple(f"{n[:-1]}{int(n[-1]) + 3}" for n in t) for t in forces[:1] if t[0][-1] == "1"
+    }  # imu_4 behind imu_3
+    level = [t for t in others if all(map(_returns_to_a_level, values[t]))]
+    rates = [t for t in others if t in behind] or level
     why = "three columns called alike,"
     out = _triads(forces[:1], FORCE, _unit_of_name, f"{why} whose length hardly changes")
-    return out | _triads(rates[:1] if forces else [], RATE, _unit_of_name, f"{why} that come back to one level")
+    how = "that come back to one level" if rates == level else "that follow those of the forces"
+    return out | _triads(rates[:1] if forces else [], RATE, _unit_of_name, f"{why} {how}")
 
 
 def _unit_of_name(name: str) -> str:
@@ -109,7 +115,7 @@ def _differ_in_axis(triple: Sequence[str]) -> bool:
     at = [i for i, letters in enumerate(zip(a, b, c, strict=True)) if len(set(letters)) > 1]
     return (
         bool(at)
-        and {a[i] + b[i] + c[i] for i in at} <= {"xyz", "012", "123", "abc"}
+        and {a[i] + b[i] + c[i] for i in at} <= {"xyz", "012", "123", "456", "abc"}
         and not NOT_A_TRIAD.intersection(plain(triple[0]).split("_"))
         and not _MATRIX.search(plain(triple[0]))
         and not _PLACE.search(plain(triple[0]))
@@ -144,12 +150,28 @@ def _of_constant_length(triple: Sequence[Array]) -> bool:
         return True
     if middle < MIN_COUNT or not changes_direction(triple):
         return False
+    centre, size, spread = _sphere(triple)
+    return spread < MAX_GRAVITY_ERROR / 6 and float(np.linalg.norm(centre)) < size
+
+
+def _sphere(triple: Sequence[Array]) -> tuple[Array, float, float]:
+    """Return centre and radius of a sphere through a vector, and the median of the distances from it, relative."""
     x = np.stack(triple, axis=-1)
-    solution = np.linalg.lstsq(np.column_stack([2 * x, np.ones(len(x))]), length**2, rcond=None)[0]
+    solution = np.linalg.lstsq(np.column_stack([2 * x, np.ones(len(x))]), _length(triple) ** 2, rcond=None)[0]
     radius = np.linalg.norm(x - solution[:3], axis=1)
     size = float(np.median(radius))
-    alike = float(np.quantile(np.abs(radius / size - 1), 0.5)) < MAX_GRAVITY_ERROR / 6
-    return alike and float(np.linalg.norm(solution[:3])) < size
+    return solution[:3], size, float(np.quantile(np.abs(radius / max(size, 1e-300) - 1), 0.5))
+
+
+def _points_everywhere(triple: Sequence[Array]) -> bool:
+    """Return whether a vector about any centre has one length and points all ways, as that of a magnetometer does.
+
+    Rates that come back to one level lie on any sphere through it most of the time.
+    """
+    _, size, spread = _sphere(triple)
+    widths = [float(np.ptp(x)) / 2 for x in triple]
+    alike = spread < MAX_GRAVITY_ERROR / 6 and 0.6 * size < min(widths) <= max(widths) < 1.4 * size
+    return alike and not all(map(_returns_to_a_level, triple))
 
 
 def _rank_as_force(triple: Sequence[Array], aligned: bool) -> tuple[bool, bool, bool, float, float]:

@@ -14,7 +14,7 @@ import scipy.io
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.clocks import spread
-from gimbalcal.guess.column_values import by_order, quantum
+from gimbalcal.guess.column_values import by_order, by_similar_names, quantum
 from gimbalcal.guess.message_log import leaves
 from gimbalcal.guess.proposal import Proposal, propose
 from gimbalcal.guess.text_table import table_of, tables_of
@@ -197,6 +197,43 @@ def test_arrays_of_sensors_make_the_table_whatever_else_is_longer(tmp_path):
     made = propose([tmp_path / "log.mat"])
     np.testing.assert_allclose(made.recording.triad("specific_force"), f, atol=1e-6)
     assert f"q_reference of {len(longer)} rows" in made.left_out
+
+
+def test_the_rates_are_the_other_half_of_a_matrix_of_six_also_where_the_unit_hardly_ever_stands_still():
+    t, f, w = turned()
+    moving = w + 0.3 * np.sin(np.outer(t, [1.1, 1.7, 2.3]))
+    columns = {f"imu_{k + 1}": x for k, x in enumerate(np.hstack([f, moving]).T)}
+    guesses = by_similar_names({"gt_x": t, "gt_y": np.sin(t), "gt_z": np.cos(t), **columns})
+    assert [n for n, g in guesses.items() if g.quantity == "angular_rate"] == ["imu_4", "imu_5", "imu_6"]
+
+
+def test_a_magnetometer_beside_the_forces_is_no_gyroscope(tmp_path):
+    """It has one length about some centre and points all ways, which nothing that is at rest now and then does."""
+    rng, (t, f, w) = np.random.default_rng(9), turned(rests=40)
+    field = f @ np.array([[0.0, 0.6, 0.8], [1.0, 0, 0], [0, 0.8, -0.6]]) / G * 0.65 + [0.5, 0.5, 0.3]
+    field += 0.01 * rng.standard_normal(f.shape)
+    made = propose([_bare(tmp_path, t, field, f)])
+    assert not made.recording.has("angular_rate")
+    turning = propose([_bare(tmp_path, t, w, f)])
+    np.testing.assert_allclose(turning.recording.triad("angular_rate"), w, atol=1e-5)
+
+
+def _bare(folder, *columns):
+    """A table without names."""
+    path = folder / "bare.csv"
+    np.savetxt(path, np.column_stack(columns), delimiter=",", fmt="%.8g")
+    return path
+
+
+def test_rows_of_a_unit_in_motion_are_no_table_of_positions(tmp_path):
+    """A row each second, turned in between; at rest they would lie on an ellipsoid, whatever the sensors are."""
+    rng = np.random.default_rng(10)
+    u = rng.standard_normal((200, 3))
+    force = G * u / np.linalg.norm(u, axis=1, keepdims=True) * [1.03, 0.98, 1.0] + [0.2, -0.1, 0.3]
+    still = rows(tmp_path / "still.csv", "ax,ay,az", *(force + 0.02 * rng.standard_normal(force.shape)).T)
+    assert len(dwells(propose([still]).recording)) == 200
+    with refused():
+        propose([rows(tmp_path / "moving.csv", "ax,ay,az", *(force + 0.5 * rng.standard_normal(force.shape)).T)])
 
 
 def test_what_is_nested_deep_in_json_is_read_with_its_row(tmp_path):
