@@ -105,9 +105,9 @@ def task(scenario: str | Path, method: str = "three-stage", seed: int | None = N
         method, share = kind, SOLVED
     else:
         from gimbalcal.effects.loading import loaded_texts
-        from gimbalcal.simulate import check_content
+        from gimbalcal.simulate import check_content, prepare
 
-        check_content(content, str(path))
+        prepare(check_content(content, str(path)))
         if method not in METHODS:
             raise InputError(f"method {method!r} is not known; choose {' or '.join(METHODS)}")
         own_texts = loaded_texts()

@@ -27,10 +27,12 @@ from gimbalcal.effects.accelerometer import Misalignment, angles_of
 from gimbalcal.effects.effect import MISALIGNMENT_AXES, without_gauge
 from gimbalcal.effects.gyroscope import GyroMisalignment
 from gimbalcal.errors import InputError
+from gimbalcal.simulate.scenario import find
 from tests.campaign.deadly import always_dies, dies_once
 
 PULSES = "wang2019-accelerometers-3arcmin"
 SHARES = [range(i, i + 10) for i in range(0, 50, 10)]
+WRONG_TRUTH = find("wu2018-18").read_text(encoding="utf-8") + "\n[truth.wobble]\nx = 1.0\n"
 
 
 def small(name=PULSES):
@@ -302,6 +304,7 @@ def test_truth_is_turned_into_the_frame_of_the_estimate():
         ('kind = "gyroscope-pulses"\nturntable = { value = 3.0, unit = "kg" }\n', "the unit 'kg' is not known"),
         ('kind = "gyroscope-pulses"\nseed = -1\n', "seed must be a whole number from 0, got -1"),
         ("kind = \n", "this line is not valid TOML"),
+        (WRONG_TRUTH, "truth.wobble: no effect has this id"),
     ],
 )
 def test_a_wrong_scenario_is_refused_and_nothing_written(text, words, tmp_path):
