@@ -79,8 +79,9 @@ def scan(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, explai
         ranks.append(rank)
     all_scores, dof = np.concatenate(scores), np.concatenate(ranks)
     statistic = all_scores[:, 0]
-    tails, clean_tails = _tail(statistic, dof), _tail(all_scores[:, 1:], dof[:, None])
-    least = clean_tails.min(axis=0)
+    tails = _tail(statistic, dof)
+    # of all cells of so many degrees of freedom, the largest statistic has the least tail
+    least = np.min([_tail(all_scores[dof == k, 1:].max(axis=0), k) for k in np.unique(dof)], axis=0)
     family = (1 + (least[None, :] <= tails[:, None]).sum(axis=1)) / (1 + DRAWS)
     # beyond the draws: Sidak's bound over as many independent cells as the simulated minimum behaves like
     effective = max(1.0, float(np.log(0.5) / np.log1p(-np.clip(np.median(least), 1e-12, 0.5))))
@@ -101,7 +102,7 @@ def _cleared(X: Array, fitted: Array) -> Array:
     return np.asarray(X * ((X**2).sum(axis=0) > HELD * size))
 
 
-def _tail(statistic: Array, dof: Array) -> Array:
+def _tail(statistic: Array, dof: Array | float) -> Array:
     from scipy.special import gammaincc
 
     return np.asarray(np.where(dof > 0, gammaincc(np.maximum(dof, 1) / 2, statistic / 2), 1.0))
