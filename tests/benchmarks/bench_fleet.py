@@ -6,7 +6,9 @@
 Processor times do not depend on what else the machine does: the work of a unit is done by a worker, that of the parent,
 which gives out the work and keeps the results, cannot be shared and bounds how many workers are of use. The units are
 drawn with a tenth of the catalogue's sigmas; the gain is the ratio of the sigmas without the fleet and with it.
-A cluster loses a worker after a quarter of the batch and its scheduler after half; another one continues.
+How long two workers take on cores of their own is the time by the clock less what they waited for a core, of which
+Linux keeps an account. A cluster loses a worker after a quarter of the batch and its scheduler after half; another one
+continues.
 """
 
 import argparse
@@ -18,8 +20,10 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+import polars as pl
 
 from gimbalcal.campaign.workers import connect
 from gimbalcal.effects import values
@@ -38,13 +42,51 @@ TESTED, FIRST_TESTED = 40, 1000
 GROUPS = ("scale_factor", "bias", "scale_nonlinearity", "misalignment", "gimbal_zero")
 
 
-def processor_seconds(rigs: Path, store: Path, workers: int) -> float:
-    """Processor seconds of the process that runs a batch; those of several workers are not among them."""
+class Took(NamedTuple):
+    """Seconds of a batch: of the processor by the process that runs it, by the clock, and of it without others' work.
+
+    processor: those of several workers are not among them.
+    """
+
+    processor: float
+    clock: float
+    alone: float
+
+
+def timed(rigs: Path, store: Path, workers: int) -> Took:
+    """How long a batch takes."""
     words = ["batch", f"{rigs}/*", "--store", str(store), "--workers", str(workers), "--quiet", "--json"]
-    before = os.times()
-    subprocess.run([sys.executable, "-m", "gimbalcal", *words], stdout=subprocess.DEVNULL, check=False)
-    after = os.times()
-    return after.children_user + after.children_system - before.children_user - before.children_system
+    before, began, waited = os.times(), time.perf_counter(), dict[str, tuple[float, float]]()
+    with subprocess.Popen([sys.executable, "-m", "gimbalcal", *words], stdout=subprocess.DEVNULL) as process:
+        while process.poll() is None:
+            for pid in descendants(str(process.pid)):
+                waited[pid] = max(waited.get(pid, (0.0, 0.0)), accounted(pid))
+            time.sleep(0.2)
+    after, clock = os.times(), time.perf_counter() - began
+    busiest = sorted(waited.values(), reverse=True)[:workers]
+    return Took(
+        after.children_user + after.children_system - before.children_user - before.children_system,
+        clock,
+        clock - min((wait for _, wait in busiest), default=0.0),
+    )
+
+
+def descendants(pid: str) -> list[str]:
+    """A process and those that it and they have begun."""
+    try:
+        own = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    except OSError:
+        own = []
+    return [pid, *(each for child in own for each in descendants(child))]
+
+
+def accounted(pid: str) -> tuple[float, float]:
+    """Seconds for which a process ran, and for which it waited for a core."""
+    try:
+        ran, waited, _ = Path(f"/proc/{pid}/schedstat").read_text().split()
+    except OSError:
+        return 0.0, 0.0
+    return float(ran) / 1e9, float(waited) / 1e9
 
 
 def batches(count: int) -> None:
@@ -52,20 +94,21 @@ def batches(count: int) -> None:
     with tempfile.TemporaryDirectory(prefix="fleet-") as name:
         rigs = Path(name) / "rigs"
         write_units(rigs, count)
-        one = processor_seconds(rigs, Path(name) / "one.sqlite", 1)
-        began = time.perf_counter()
-        parent = processor_seconds(rigs, Path(name) / "two.sqlite", 2)
-        took = time.perf_counter() - began
-        again = processor_seconds(rigs, Path(name) / "one.sqlite", 1)
+        one, two, again = (
+            timed(rigs, Path(name) / f"{store}.sqlite", n) for store, n in (("one", 1), ("two", 2), ("one", 1))
+        )
         kills = killed(rigs, Path(name), count)
         stores = [digits(Path(name) / f"{store}.sqlite", *units_of(count)) for store in ("one", "two", "killed")]
-    own = (parent - again) / count
+    own = (two.processor - again.processor) / count
     say(f"{count} units of 18 positions, calibrated and diagnosed: processor seconds")
-    say(f"in one process           {one:8.1f}   {one / count:.2f} a unit")
-    say(f"parent of two workers    {parent:8.1f}   {own:.3f} a unit beyond a batch without work")
-    say(f"all results in the store {again:8.1f}")
-    say(f"the parent keeps up with {one / count / max(own, 1e-3):.0f} workers")
-    say(f"two workers took {took:.1f} s by the clock on {os.cpu_count()} cores in use: {one / 2 / took:.0%} efficiency")
+    say(f"in one process           {one.processor:8.1f}   {one.processor / count:.2f} a unit")
+    say(f"parent of two workers    {two.processor:8.1f}   {own:.3f} a unit beyond a batch without work")
+    say(f"all results in the store {again.processor:8.1f}")
+    say(f"the parent keeps up with {one.processor / count / max(own, 1e-3):.0f} workers")
+    say(
+        f"two workers took {two.clock:.1f} s by the clock, {two.alone:.1f} s of it not waiting for one of "
+        f"{os.cpu_count()} cores in use: {one.processor / 2 / two.alone:.0%} efficiency on cores of their own"
+    )
     say(kills)
     same = all(store == stores[0] for store in stores)
     say(f"digits of one process, two workers and the batch with kills: {'the same' if same else 'DIFFERENT'}")
@@ -90,7 +133,7 @@ def killed(rigs: Path, folder: Path, count: int) -> str:
 
         with connect(address) as client:
             client.wait_for_workers(2, timeout=30)
-        run_batch([f"{rigs}/*"], store, scheduler=address, progress=progress)
+        run_batch([f"{rigs}/*"], store, folder / "fleet", scheduler=address, progress=progress)
 
     (folder / "first").mkdir()
     with dask_cluster(folder / "first") as (address, processes):
@@ -102,8 +145,10 @@ def killed(rigs: Path, folder: Path, count: int) -> str:
     (folder / "second").mkdir()
     with dask_cluster(folder / "second") as (address, processes):
         run(address, processes, kills=False)
+    table = pl.read_parquet(folder / "fleet" / "fleet.parquet")
     ended = re.sub(r"tcp://[\d.:]+", "tcp://...", ends[0]) if ends else "the batch ended without a word"
-    return f"a worker killed, then the scheduler: {ended!r}; {kept_then} units kept, {count} after the second cluster"
+    last = f"{kept_then} units kept, {table['unit'].n_unique()} in the table after the second cluster"
+    return f"a worker killed, then the scheduler: {ended!r}; {last}"
 
 
 def calibrated(store: Path, count: int, seconds: float) -> int:
