@@ -85,8 +85,13 @@ class TurningExperiment:
     wanted: tuple[Parameter, ...]
     noise: TurningNoise
 
-    def stretches(self, path: Trajectory, update: float = UPDATE_INTERVAL_S) -> StretchModel:
-        """Return the error model of a motion, the velocity known every `update` [s]."""
+    def stretches(
+        self, path: Trajectory, update: float = UPDATE_INTERVAL_S, readings: tuple[Array, Array] | None = None
+    ) -> StretchModel:
+        """Return the error model of a motion, the velocity known every `update` [s].
+
+        readings: `mean_readings` of its intervals, where they are known.
+        """
         ends = np.append(np.arange(update, path.duration - 1e-6, update), path.duration)
         starts = np.concatenate([[0.0], ends[:-1]])
         pieces = np.maximum(np.ceil((ends - starts) * TURN_INTERVAL_RATE_HZ - 1e-9), 1)
@@ -94,7 +99,7 @@ class TurningExperiment:
         first = np.concatenate([[0], np.cumsum(count)])
         dt = np.repeat((ends - starts) / count, count)
         inside = np.arange(first[-1]) - np.repeat(first[:-1], count) + 1
-        mean, D = self._readings(path, np.repeat(starts, count) + inside * dt, dt)
+        mean, D = readings or self.mean_readings(path, np.repeat(starts, count) + inside * dt, dt)
         q = np.repeat(np.square([self.noise.force, self.noise.rate]), 3) / dt[:, None]
         site = self.recording.site
         assert site.latitude is not None  # `turning_experiment` sets it
@@ -118,7 +123,7 @@ class TurningExperiment:
         rows = self.stretches(trajectory(schedule)).innovations(self.noise).rows
         return rows.reshape(-1, len(self.wanted))
 
-    def _readings(self, path: Trajectory, end: Array, dt: Array) -> tuple[Array, Array]:
+    def mean_readings(self, path: Trajectory, end: Array, dt: Array) -> tuple[Array, Array]:
         """Return mean force and rate (n, 6) over intervals, and their derivatives (n, 6, p) per prior sigma."""
         scale = np.array([p.sigma for p in self.wanted])
         stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in self.wanted)

@@ -65,11 +65,15 @@ class Tour:
 
 @dataclass(eq=False)
 class TurningSearch:
-    """The table, the experiment, and the error models of all pieces of schedules computed so far."""
+    """The table, the experiment, and the error models of all pieces of schedules computed so far.
+
+    at_rest: mean readings and their derivatives at positions of the axes, which are the same however long a stop is.
+    """
 
     table: TwoAxisTable
     experiment: TurningExperiment
     pieces: dict[tuple[int, ...], StretchModel] = field(default_factory=dict)
+    at_rest: dict[tuple[int, ...], tuple[Array, Array]] = field(default_factory=dict)
 
     @property
     def groups(self) -> dict[str, list[int]]:
@@ -119,7 +123,9 @@ class TurningSearch:
         if key not in self.pieces:
             none = np.zeros(0)
             path = Trajectory(np.zeros((0, 3)), none, none, none, none, self.attitude(at)[None], step)
-            self.pieces[key] = self.experiment.stretches(path, step)
+            if key[1:3] not in self.at_rest:
+                self.at_rest[key[1:3]] = self.experiment.mean_readings(path, np.array([step]), np.array([step]))
+            self.pieces[key] = self.experiment.stretches(path, step, self.at_rest[key[1:3]])
         return self.pieces[key]
 
     def _turning(self, at: Steps, turn: Turn) -> StretchModel:
