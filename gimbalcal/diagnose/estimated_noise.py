@@ -20,14 +20,14 @@ from gimbalcal.diagnose.laws.law_claims import (
     laws_of_view,
     with_heldout,
 )
-from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit
 from gimbalcal.diagnose.search.refit import with_constants
 from gimbalcal.diagnose.search.relinearise import about_first_cause
 from gimbalcal.diagnose.search.sensor_random_walks import wandering_in
-from gimbalcal.diagnose.search.stepwise import SearchResult, refined, result_of, stepwise
-from gimbalcal.diagnose.verdict.findings import confirmed, drifts_as_one, finding_of_view, judged_in_turn
+from gimbalcal.diagnose.search.stepwise import SearchResult, refit_to_view, result_of, stepwise
+from gimbalcal.diagnose.verdict.findings import confirm_causes, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.mismatch import view_mismatches
 from gimbalcal.diagnose.verdict.random_walk import (
@@ -76,7 +76,7 @@ def diagnose_selected(c: SearchResult, progress: Progress) -> ViewDiagnosis:
 
 def judged_diagnosis(c: SearchResult, progress: Progress) -> ViewDiagnosis:
     """Return the diagnosis that a search through a view ends in."""
-    c, verdicts = confirmed(c, progress)
+    c, verdicts = confirm_causes(c, progress)
     formulas = partial(_by_formulas, c, verdicts, progress) if verdicts and not c.start.exact else None
     return _view_diagnosis(c, verdicts, progress).tested(formulas)
 
@@ -110,7 +110,7 @@ def _view_diagnosis(
     if v.finer is not None:
         progress("refitting at the full resolution")
         v = v.finer()
-        c = refined(v, c)
+        c = refit_to_view(v, c)
     model = with_constants(c.end, {j.cause.effect for j in verdicts})
     findings = drifts_as_one([finding_of_view(model, j) for j in verdicts])
     shapes = tuple(Shape(f"{s.channel if v.added else v.channels[0][0]} {s.axis}".strip(), s.rival) for s in c.shapes)
@@ -146,7 +146,7 @@ def _view_diagnosis(
         shapes = tuple(Shape(channel, diagnosis_sentences.SERIAL_CORRELATION) for channel in serial)
         outcome = diagnosis_sentences.serial_correlation(v, max(serial.values()), len(sigma) ** -0.5)
     if verdict == "adequate" and not c.start.exact:
-        remaining = library(c.end)
+        remaining = assemble_library(c.end)
         fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(

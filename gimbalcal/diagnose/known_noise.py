@@ -16,7 +16,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, in_print, plotted_against
-from gimbalcal.diagnose.evidence.noises import noises
+from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.diagnose.laws.law_claims import (
@@ -36,16 +36,16 @@ from gimbalcal.diagnose.result import (
     Shape,
     StatedNoiseFit,
 )
-from gimbalcal.diagnose.search.combine import combine
+from gimbalcal.diagnose.search.combine import combine_rankings
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, search
 from gimbalcal.diagnose.search.relinearise import about_causes, about_settings
-from gimbalcal.diagnose.search.sensor_random_walks import wandering
+from gimbalcal.diagnose.search.sensor_random_walks import likely_wandering_noises
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
-from gimbalcal.diagnose.verdict.decide import Decision, bar, strained, unnamed
+from gimbalcal.diagnose.verdict.decide import Decision, claim_threshold, decide_unnamed, noise_gain
 from gimbalcal.diagnose.verdict.findings import findings_of_recordings
 from gimbalcal.diagnose.verdict.joint_fit import JointFit, RecordingPart, joint_fit, parts_of
-from gimbalcal.diagnose.verdict.mismatch import LEFT, MAX_CELLS, Scan, scan, scanned_mismatches
+from gimbalcal.diagnose.verdict.mismatch import LEFT, MAX_CELLS, Scan, scan_data, scanned_mismatches
 from gimbalcal.diagnose.verdict.random_walk import (
     PartOfWalk,
     RandomWalkFinding,
@@ -111,16 +111,16 @@ def diagnose_known_noise(
     for k, v in enumerate(views):
         if len(views) > 1:
             progress(f"recording {k + 1} of {len(views)}: {v.title}")
-        searches.append(searched(v, known, progress))
+        searches.append(compare_causes(v, known, progress))
     if len(views) > 1:
         progress("adding up the evidence of all recordings")
-    c = combine(searches)
+    c = combine_rankings(searches)
     progress("sending simulated clean recordings of this design through the same comparison")
     clean, each = clean_evidence(c, rng)
     without_walks = without_single_walks(c)
-    d, walk = decide_with_walk(c, without_walks, bar(clean))
+    d, walk = decide_with_walk(c, without_walks, claim_threshold(clean))
     alone = [
-        SeparateDecision(*decide_with_walk(s, without_single_walks(s), bar(x)), bar(x))
+        SeparateDecision(*decide_with_walk(s, without_single_walks(s), claim_threshold(x)), claim_threshold(x))
         for s, x in (zip(searches, each, strict=True) if len(views) > 1 else ())
     ]
     case = _Case(clean, tuple(alone), known, rng, seed, progress)
@@ -137,10 +137,10 @@ def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple
     assert isinstance(fit, StatedNoiseFit)
     assert d.hypothesis is not None
     members = d.hypothesis.members
-    contradicted = fit.predicts_worse or fit.scan_p_after < LEFT or strained(c, members) >= CLAIM
+    contradicted = fit.predicts_worse or fit.scan_p_after < LEFT or noise_gain(c, members) >= CLAIM
     if not contradicted and not leave_more_than_noise(c, members):
         return None, frozenset()
-    none = unnamed(c)
+    none = decide_unnamed(c)
     law = lawful(c, none, case.seed, case.progress, instead=members)
     if law.laws:
         return _view_diagnosis(case, c, none, law), frozenset()
@@ -148,12 +148,12 @@ def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple
     return None, frozenset(c.library.candidates[m].effect for m in members) if doubtful else frozenset()
 
 
-def searched(view: View, known: Calibration | None, progress: Progress) -> Search:
+def compare_causes(view: View, known: Calibration | None, progress: Progress) -> Search:
     """Compare every cause of the catalogue with what the baseline of a view leaves."""
     progress(f"fitting the model: {', '.join(without_underscores(i) for i in view.baseline)} (another: --baseline)")
     start = effects_of_another_day(known, view.baseline)
     o = scale_to_scatter(fit_baseline(view, start))
-    nominal = o.view.kind.stabilised and _misfit(o) > MAX_CHI2_TO_LINEARISE
+    nominal = o.view.kind.stabilised and baseline_misfit(o) > MAX_CHI2_TO_LINEARISE
     if nominal:
         o = scale_to_scatter(fit_baseline(view, start, steps=0))
     o = about_settings(o)
@@ -163,14 +163,14 @@ def searched(view: View, known: Calibration | None, progress: Progress) -> Searc
         progress("again, about the constants that belong to what was found")
         o = about_causes(s)
         s = search(o)
-    if more := wandering(s):
+    if more := likely_wandering_noises(s):
         who = f"accelerometer {more[0].single_walk}" if more[0].single_walk else "all accelerometers"
         progress(f"again, as {who} may wander")
-        s = search(o, nodes=(*noises(o), *more))
+        s = search(o, nodes=(*possible_noises(o), *more))
     return s
 
 
-def _misfit(o: Fit) -> float:
+def baseline_misfit(o: Fit) -> float:
     """Reduced chi^2 of the baseline alone."""
     Z, y = o.reduced(o.Z), o.reduced(o.residual[:, :, None])
     residual = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
@@ -185,9 +185,9 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
     joint = joint_fit(parts_of(c, members), causes)
     answers = tuple(_recording_answer(c, d, k, joint, case.rng) for k in range(len(joint.parts)))
     lead = min(range(len(answers)), key=lambda k: (answers[k].before.p_value, -answers[k].before.statistic.max()))
-    mismatch = () if d.verdict == "adequate" else _mismatch(answers, lead)
+    mismatch = () if d.verdict == "adequate" else mismatch_of_recordings(answers, lead)
     named = findings_of_recordings(c, d, joint)
-    shapes = tuple(_shape(c, i) for i in d.shapes[:3])
+    shapes = tuple(shape_without_cause(c, i) for i in d.shapes[:3])
     law = law or lawful(c, d, case.seed, case.progress)
     answers = _with_law(answers, law)
     fitted = _mean_fit(answers, lead)
@@ -198,7 +198,7 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
     diagnosis = ViewDiagnosis(
         o.view, d.verdict, mismatch, named, shapes, fitted, curves,
         np.broadcast_to(o.sigma, curves.after.shape), calibration=joint.calibration(case.known), laws=law.laws,
-        recommend=law.recommend, outcome=misheld(c, d.verdict), evidence=_evidence(c, d, case.clean),
+        recommend=law.recommend, outcome=misheld(c, d.verdict), evidence=evidence_of_ranking(c, d, case.clean),
         together=tuple(s.fit.view for s in c.searches),
         without=partial(joint.calibration_without, known=case.known),
     )  # fmt: skip
@@ -225,11 +225,11 @@ def _of_several(
     )  # fmt: skip
 
 
-def _evidence(c: Ranking, d: Decision, clean: Array) -> Evidence:
+def evidence_of_ranking(c: Ranking, d: Decision, clean: Array) -> Evidence:
     """Return the evidence of a ranking and of simulated clean recordings (draws,)."""
     return Evidence(
         ln_bayes_factor=round(c.ln_total, 3),
-        ln_bayes_factor_needed=round(bar(clean), 3),
+        ln_bayes_factor_needed=round(claim_threshold(clean), 3),
         false_alarm_rate_simulated=float(np.mean(clean >= CLAIM)),
         causes_compared=len({x.key for x in c.library.candidates if not x.rival}),
         excess_kurtosis=round(max(s.fit.view.noise.kurtosis for s in c.searches), 3),
@@ -245,8 +245,8 @@ def _recording_answer(c: Ranking, d: Decision, k: int, joint: JointFit, rng: np.
     if not d.hypothesis and (shapes := c.within(d.shapes, k)):
         with_shape = fit_causes(s, shapes[:1])  # which says what noise the shape leaves
     physical, node = part.columns, with_shape.projection.node
-    before = scan(s.fit, s.rows, node, rng)
-    after = scan(s.fit, s.rows, node, rng, s.fit.reduced(physical)) if f.index else before
+    before = scan_data(s.fit, s.rows, node, rng)
+    after = scan_data(s.fit, s.rows, node, rng, s.fit.reduced(physical)) if f.index else before
     fitted = verify(f if f.index else with_shape, physical, before.p_value, after.p_value)
     fitted = replace(fitted, calibration_moved=known_noise_shifts(f) if f.index else ())
     v = s.fit.view
@@ -264,7 +264,7 @@ def _with_law(answers: tuple[RecordingAnswer, ...], law: Lawful) -> tuple[Record
     return tuple(corrected) or answers
 
 
-def _mismatch(answers: Sequence[RecordingAnswer], lead: int) -> tuple[Mismatch, ...]:
+def mismatch_of_recordings(answers: Sequence[RecordingAnswer], lead: int) -> tuple[Mismatch, ...]:
     """Return where each recording is off, the one that is off most first."""
     if len(answers) == 1:
         return scanned_mismatches(answers[0].before, at_least=1)
@@ -276,7 +276,7 @@ def _mismatch(answers: Sequence[RecordingAnswer], lead: int) -> tuple[Mismatch, 
     return tuple(out[:MAX_CELLS])
 
 
-def _shape(c: Ranking, i: int) -> Shape:
+def shape_without_cause(c: Ranking, i: int) -> Shape:
     """Return a shape without a cause; of several recordings, with those that show it."""
     of = c.library.candidates[i]
     channel = f"{of.channel} {of.axis}".strip()

@@ -23,7 +23,7 @@ from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.estimated_noise import diagnose_selected, select_causes
 from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
-from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.refit import start_with_baseline
 from gimbalcal.diagnose.verdict.verify import row_sigma
 from gimbalcal.diagnose.view_result import ViewDiagnosis
 from gimbalcal.effects import CATALOGUE, Effect, known_effect
@@ -376,9 +376,9 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool = False) -> Parts:
         parts.append(diagnose_views(request, known_view(request, mine)))
     forces = parts[0].calibration if parts else None
     if recording.has(RATE) and not (mine and not gyro):
-        calibration = request.calibration if forces is None else _accelerometers(forces)
+        calibration = request.calibration if forces is None else accelerometer_calibration(forces)
         explained = not parts or parts[0].verdict != "unexplained"
-        rates, notes = _gyroscopes(request, calibration, gyro, explained)
+        rates, notes = diagnose_gyroscopes(request, calibration, gyro, explained)
         parts += rates
     turns = next((p.model for p in parts if p.view.measurement is TURNS), None)
     both = recording.has(RATE) and recording.has(FORCE)
@@ -389,7 +389,7 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool = False) -> Parts:
     return [*parts, *late], [*notes, *why_not]
 
 
-def _accelerometers(calibration: Calibration) -> Calibration:
+def accelerometer_calibration(calibration: Calibration) -> Calibration:
     """Return the accelerometers of a calibration of the forces, without the mount."""
     kept = tuple(e for e in calibration.effects if e.stage in SENSOR_STAGES and e.channel == FORCE)
     at = [i for i, p in enumerate(calibration.parameters) if p.effect in {e.id for e in kept}]
@@ -397,7 +397,7 @@ def _accelerometers(calibration: Calibration) -> Calibration:
     return replace(calibration, effects=kept, parameters=wanted, covariance=calibration.covariance[np.ix_(at, at)])
 
 
-def _gyroscopes(
+def diagnose_gyroscopes(
     request: DiagnosisRequest, calibration: Calibration | None, gyro: Sequence[str], explained: bool
 ) -> Parts:
     """Diagnose the views of the gyroscopes, and note in sentences what was not analysed."""
@@ -413,7 +413,7 @@ def _gyroscopes(
         calibration = IDEAL_AT_GIMBALS
     calibration = calibration or usual_accelerometers(recording)
     turning = view_of_turns(without_earth_rate(recording), calibration) if explained and not gyro else None
-    linear = start(turning).effects if turning else ()
+    linear = start_with_baseline(turning).effects if turning else ()
     still = view_at_rest(without_earth_rate(recording, linear), gyro, calibration)
     if still is None:
         return [], [diagnosis_sentences.gyroscopes_not_analysed(diagnosis_sentences.COUNTS_WITHOUT_SCALE)]

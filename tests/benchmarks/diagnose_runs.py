@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose import Diagnosis, diagnose
-from gimbalcal.diagnose.evidence.stated_noise import nominal
-from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
+from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.recording import Recording
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
@@ -148,7 +148,7 @@ def nearest(run: Run, size: float) -> tuple[float, str]:
     error, options = concealed(run)[0].error, {**EVERY_SECOND, **dict(run.options)}
     with_it, without = (record(np.random.default_rng(run.seed), error, s, **options) for s in (size, 0.0))
     o = fit_baseline(view_at_known_attitude(without))
-    node, known = nominal(o), library(o)
+    node, known = nominal_noise(o), assemble_library(o)
     Q = orthonormal(node.whiten(o.reduced(o.Z)))
     d = (with_it.triad("specific_force") - without.triad("specific_force")) / o.sigma
     y = node.whiten(o.reduced(d[:, :, None]))[:, 0]

@@ -239,11 +239,11 @@ def alien(r: Recording, kind: str, rng: np.random.Generator) -> Recording:
 
 def misfit(r: Recording) -> tuple[float, float]:
     """Square of the misfit in sigmas of the noise that the header states, and its degrees of freedom."""
-    from gimbalcal.diagnose.evidence.stated_noise import nominal
+    from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
     from gimbalcal.inference.algebra import orthonormal
 
     o = fit_baseline(view_at_known_attitude(r))
-    node = nominal(o)
+    node = nominal_noise(o)
     Q, y = orthonormal(node.whiten(o.reduced(o.Z))), node.whiten(o.reduced(o.residual[:, :, None]))[:, 0]
     y = y - Q @ (Q.T @ y)
     return float(y @ y), float(len(y) - Q.shape[1])

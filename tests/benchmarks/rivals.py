@@ -17,8 +17,8 @@ from threadpoolctl import threadpool_limits
 
 from gimbalcal.diagnose.evidence import projection as evidence
 from gimbalcal.diagnose.evidence.projection import Projection
-from gimbalcal.diagnose.evidence.stated_noise import nodes, nominal, scale_to_scatter
-from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.evidence.stated_noise import noise_grid, nominal_noise, scale_to_scatter
+from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.search import ranking as search
 from gimbalcal.diagnose.search import refine
 from gimbalcal.estimate.accelerometers.joint import joint
@@ -48,7 +48,7 @@ class Problem:
 def problems(recording: Recording) -> tuple[Problem, Problem]:
     """The same library twice: whitened and profiled, and as residuals of a finished calibration."""
     o = scale_to_scatter(fit_baseline(view_at_known_attitude(recording)))
-    found = library(o)
+    found = assemble_library(o)
     names: dict[int, str] = {}
     for c in found.candidates:
         if not c.rival and "," not in c.axis:
@@ -57,7 +57,7 @@ def problems(recording: Recording) -> tuple[Problem, Problem]:
         if not c.rival:  # what only acts on all axes together
             names = {i: c.label for v in c.variants for i in v.index} | names
     index = sorted(names)
-    node, X = nominal(o), found.X[:, index]
+    node, X = nominal_noise(o), found.X[:, index]
     labels = tuple(names[i] for i in index)
     Q = orthonormal(node.whiten(o.reduced(o.Z)))
     W, y = node.whiten(X), node.whiten(o.reduced(o.residual[:, :, None]))[:, 0]
@@ -267,7 +267,7 @@ def speed(rows: Sequence[dict[str, Any]], say: Callable[[str], None]) -> None:
     _plain = evidence.any_size
     with threadpool_limits(limits=1):
         o = scale_to_scatter(fit_baseline(view_at_known_attitude(recording)))
-        found, grid = library(o), nodes(o)
+        found, grid = assemble_library(o), noise_grid(o)
         evidence.any_size = refine.any_size = counting  # type: ignore[attr-defined]
         begin = perf_counter()
         search.search(o, found, grid)

@@ -171,13 +171,13 @@ def strange(axis: int) -> dict[str, Error]:
 def strength(recording_of: Callable[[float], Recording], probe: float) -> float:
     """Sigmas above noise of an effect of size `probe`, after calibration and setting errors took what they can."""
     from gimbalcal.diagnose.evidence.projection import orthonormal
-    from gimbalcal.diagnose.evidence.stated_noise import nominal
+    from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
     from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 
     with_it, without = recording_of(probe), recording_of(0.0)
     o = fit_baseline(view_at_known_attitude(without))
     d = (with_it.triad("specific_force") - without.triad("specific_force")) / o.sigma
-    node = nominal(o)
+    node = nominal_noise(o)
     Q = orthonormal(node.whiten(o.reduced(o.Z)))
     y = node.whiten(o.reduced(d[:, :, None]))[:, 0]
     return float(np.linalg.norm(y - Q @ (Q.T @ y)))

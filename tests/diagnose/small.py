@@ -12,9 +12,9 @@ import pytest
 from scipy.fft import idct
 
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.stated_noise import nodes, scale_to_scatter
+from gimbalcal.diagnose.evidence.stated_noise import noise_grid, scale_to_scatter
 from gimbalcal.diagnose.library import assemble
-from gimbalcal.diagnose.library.assemble import available, columns_at, library
+from gimbalcal.diagnose.library.assemble import assemble_library, available_effects, columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.result import FitSummary
 from gimbalcal.diagnose.search.ranking import Search, search
@@ -52,10 +52,10 @@ def few(o: Fit, *labels: str) -> Library:
     """The library of a recording with these candidates alone ("bias_drift:x"), each by its first entry."""
     effects = {label.partition(":")[0] for label in labels}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(assemble, "available", lambda v: tuple(i for i in available(v) if i in effects))
+        patch.setattr(assemble, "available_effects", lambda v: tuple(i for i in available_effects(v) if i in effects))
         if effects <= set(CATALOGUE):
             patch.setattr(assemble, "shapes_in_outputs", lambda *_: [])
-        whole = library(o)
+        whole = assemble_library(o)
     kept, blocks, at = [], [], 0
     for label in labels:
         c = next(c for c in whole.candidates if c.label == label)
@@ -70,7 +70,7 @@ def few(o: Fit, *labels: str) -> Library:
 
 def noises(o: Fit, count: int = 3) -> tuple[Node, ...]:
     """The noises with the largest prior shares, which add up to one again."""
-    chosen = sorted(nodes(o), key=lambda n: -n.prior)[:count]
+    chosen = sorted(noise_grid(o), key=lambda n: -n.prior)[:count]
     total = sum(n.prior for n in chosen)
     return tuple(replace(n, prior=n.prior / total) for n in chosen)
 
@@ -172,4 +172,4 @@ def turned(seed: int, g_sensitivity: Array | None = None, drift: float = 0.0) ->
 
 def causes_of(v: View, m: Fit) -> tuple[Candidate, ...]:
     """Everything that could be missing from a model of a view."""
-    return library(m).candidates
+    return assemble_library(m).candidates

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.stated_noise import nominal
-from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
+from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
@@ -23,8 +23,8 @@ def setting(logged):
     o = fit_baseline(
         view_at_known_attitude(record(np.random.default_rng(1), laws(0)["fan"].error if logged else None, 0.0))
     )
-    found = library(o)
-    node = nominal(o)
+    found = assemble_library(o)
+    node = nominal_noise(o)
     Q = orthonormal(node.whiten(o.reduced(o.Z)))
     X = node.whiten(found.X)
     return o, found, node, Q, X - Q @ (Q.T @ X)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.library.assemble import library
-from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.library.assemble import assemble_library
+from gimbalcal.diagnose.search.refit import start_with_baseline
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest, view_of_turns
@@ -76,11 +76,11 @@ def tried(r):
     """Ids of the causes that either road compares."""
     if r.platform.axes and r.kind != "pointing":
         o = fit_baseline(view_at_known_attitude(r))
-        return {c.effect for c in library(o).candidates}
+        return {c.effect for c in assemble_library(o).candidates}
     out = set()
     for v in views(r):
-        m = start(v)
-        out |= {c.effect for c in library(m).candidates}
+        m = start_with_baseline(v)
+        out |= {c.effect for c in assemble_library(m).candidates}
     return out
 
 

@@ -7,9 +7,9 @@ import pytest
 
 from gimbalcal import cli
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.library.assemble import available
-from gimbalcal.diagnose.library.candidates import sources
-from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.library.assemble import available_effects
+from gimbalcal.diagnose.library.candidates import covariate_sources
+from gimbalcal.diagnose.search.refit import start_with_baseline
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest
@@ -132,7 +132,7 @@ def test_rests_of_one_row_each_count_alike():
     r = turned_by_hand()
     view = view_at_rest(first_rows(r.select(r.position > 0), 1))
     assert view.noise.sigma is None
-    assert np.isfinite(start(view).covariance).all()
+    assert np.isfinite(start_with_baseline(view).covariance).all()
 
 
 # --- covariates that have an effect of their own ----------------------------------------------------------------------
@@ -160,11 +160,11 @@ def test_effects_of_named_channels_are_candidates_where_these_were_logged():
     x = np.linspace(0, 1, n)
     named = {("covariate", k): x for k in ("pressure", "servo_x", "servo_y", "servo_z", "fan")}
     o = fit_baseline(view_at_known_attitude(changed(CLEAN, named)))
-    assert {"pressure", "servo_following_error"} <= set(available(o.view))
-    assert not {"supply_voltage", "vibration_rectification"} & set(available(o.view))
-    assert sources(CATALOGUE["pressure"], o.view.stimulus) == ("",)
-    assert sources(CATALOGUE["bias_covariate"], o.view.stimulus) == ("fan",)
-    assert "fan" in sources(CATALOGUE["bias_covariate_squared"], o.view.stimulus)
+    assert {"pressure", "servo_following_error"} <= set(available_effects(o.view))
+    assert not {"supply_voltage", "vibration_rectification"} & set(available_effects(o.view))
+    assert covariate_sources(CATALOGUE["pressure"], o.view.stimulus) == ("",)
+    assert covariate_sources(CATALOGUE["bias_covariate"], o.view.stimulus) == ("fan",)
+    assert "fan" in covariate_sources(CATALOGUE["bias_covariate_squared"], o.view.stimulus)
 
 
 # --- refused ----------------------------------------------------------------------------------------------------------

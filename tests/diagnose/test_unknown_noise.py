@@ -8,7 +8,7 @@ import pytest
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.estimated_noise import serial_correlation
 from gimbalcal.diagnose.result import Shape
-from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.refit import start_with_baseline
 from gimbalcal.diagnose.search.stepwise import stepwise
 from gimbalcal.diagnose.verdict.verify import held_out_misfit, view_shifts
 from gimbalcal.effects import values
@@ -39,7 +39,7 @@ def test_a_telescope_that_lacks_nothing(seed):
 
 def test_settings_whose_residuals_resemble_the_next_are_not_without_a_pattern():
     """A noise with a memory is no noise of separate settings; white ones are not correlated by five sigma."""
-    m = start(pointing(telescope(1)))
+    m = start_with_baseline(pointing(telescope(1)))
     white, sigma = np.random.default_rng(1).standard_normal(m.residual.shape), np.ones(m.residual.shape)
     assert serial_correlation(replace(m, residual=white), sigma) == {}
     alike = white.copy()
@@ -132,7 +132,7 @@ def test_biases_that_drift_are_seen_in_the_order_of_visits():
 def test_rows_left_out_are_predicted_as_a_fit_without_them_predicts_them():
     """The misfit of a star about a fit to the other 79, each fit made anew; in sigma."""
     v = pointing(telescope(4, 12.0, -7.0))
-    m = start(v)
+    m = start_with_baseline(v)
     sigma = np.full((N, 2), 3 * ARCSEC)
     left = held_out_misfit(m, sigma)
     J, r = m.jacobian / sigma[..., None], m.residual / sigma

@@ -197,14 +197,14 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         "diagnose/test_cost.py::test_a_drift_left_out_costs_what_it_drifts "
         "diagnose/test_cost.py::test_what_the_others_take_up_costs_nothing"
     ): (
-        ("diagnose.cost", "_costs", ".position.max()) / NAUTICAL_MILE for c", ".position.max()) for c"),
+        ("diagnose.cost", "cost_of_effects", ".position.max()) / NAUTICAL_MILE for c", ".position.max()) for c"),
     ),
     "diagnose/verdict/test_joint_fit.py::test_without_a_cause_the_others_take_up_what_they_can": (
         ("diagnose.verdict.joint_fit", "JointFit.without", " if c.effect != effect_id]", "]"),
     ),
     "diagnose/verdict/test_agreement.py": (
         ("estimate.sharing", "agreement_test", "shared.dof - sum(s.dof for s in alone)", "shared.dof"),
-        ("diagnose.verdict.agreement", "_differences", "np.hypot(after.sigma[j], before.sigma[i])",
+        ("diagnose.verdict.agreement", "constant_differences", "np.hypot(after.sigma[j], before.sigma[i])",
          "after.sigma[j]"),
         ("diagnose.verdict.agreement", "agreement_on_constants", "2 * min(shared.p_value, rarest",
          "min(shared.p_value, rarest"),
@@ -227,39 +227,39 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "without_walks.ln_total - clearest.ln_total"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "from_si(np.exp(mean)", "from_si(mean"),
         ("diagnose.verdict.random_walk", "likeliest_walk", "spread * walk, ln_odds", "spread, ln_odds"),
-        ("diagnose.search.sensor_random_walks", "wandering", "s.ln_total >= CLAIM", "s.ln_total < CLAIM"),
-        ("diagnose.search.sensor_random_walks", "wandering", "s.ln_total - CLAIM", "s.ln_total + CLAIM"),
+        ("diagnose.search.sensor_random_walks", "likely_wandering_noises", "s.ln_total >= CLAIM", "s.ln_total < CLAIM"),
+        ("diagnose.search.sensor_random_walks", "likely_wandering_noises", "s.ln_total - CLAIM", "s.ln_total + CLAIM"),
     ),
     "diagnose/verdict/test_random_walk.py::test_a_weak_drift_is_told_with_the_walk_that_it_may_be": (
         ("diagnose.verdict.random_walk", "_in_common_noises", "logsumexp(joint, axis=0) - logsumexp(null)",
          "logsumexp(joint, axis=0)"),
     ),
     "diagnose/verdict/test_random_walk.py::test_a_clear_drift_is_no_walk": (
-        ("diagnose.search.sensor_random_walks", "weights", "np.log(n.prior) +", "-np.log(n.prior) +"),
+        ("diagnose.search.sensor_random_walks", "noise_weights", "np.log(n.prior) +", "-np.log(n.prior) +"),
     ),
     "diagnose/test_cost.py::test_a_still_base_warms_and_cools_once_a_day_through_what_was_recorded": (
-        ("diagnose.cost", "_swung", "(v.max() - v.min()) / 2 * turn", "(v.max() - v.min()) * turn"),
+        ("diagnose.cost", "with_daily_swing", "(v.max() - v.min()) / 2 * turn", "(v.max() - v.min()) * turn"),
     ),
     "diagnose/search/test_rounds.py": (
         ("diagnose.search.relinearise", "about_first_cause", "before <= MIN_CHI2_RATIO", "before > MIN_CHI2_RATIO"),
         ("diagnose.search.stepwise", "likeliest_missing", "CLAIM * several", "-CLAIM * several"),
-        ("diagnose.search.stepwise", "swap", "best.lead > SWAP", "best.lead > -SWAP"),
+        ("diagnose.search.stepwise", "swap_causes", "best.lead > SWAP", "best.lead > -SWAP"),
         ("diagnose.search.stepwise", "backward_eliminate", "kind), support[i], i)", "kind), -support[i], i)"),
         ("diagnose.search.stepwise", "needed_evidence", "CLAIM - OFTEN", "CLAIM + OFTEN"),
-        ("diagnose.search.stepwise", "selection", "share) - SWAP", "share) + SWAP"),
-        ("diagnose.search.stepwise", "selection", "share) + SWAP", "share) + 9 * SWAP"),
+        ("diagnose.search.stepwise", "likeliest_selection", "share) - SWAP", "share) + SWAP"),
+        ("diagnose.search.stepwise", "likeliest_selection", "share) + SWAP", "share) + 9 * SWAP"),
     ),
     "diagnose/search/test_relinearise.py::test_about_the_angles_of_each_visit_nothing_is_curved": (
-        ("diagnose.search.relinearise", "_settings", "reshape(v, -1) * sigma", "reshape(v, -1) / sigma"),
-        ("diagnose.search.relinearise", "_at", "rows.residual + back", "rows.residual - back"),
+        ("diagnose.search.relinearise", "corrections_of_visits", "reshape(v, -1) * sigma", "reshape(v, -1) / sigma"),
+        ("diagnose.search.relinearise", "rows_about_corrections", "rows.residual + back", "rows.residual - back"),
     ),
     "diagnose/search/test_stepwise.py::test_the_first_step_takes_away_most": (
-        ("diagnose.search.stepwise", "ordered", "np.argmin([m.scatter", "np.argmax([m.scatter"),
+        ("diagnose.search.stepwise", "order_by_explanation", "np.argmin([m.scatter", "np.argmax([m.scatter"),
     ),
     (
         "diagnose/search/test_combine.py::test_what_happens_once_is_of_one_recording_and_a_shape_of_one_or_of_all_that_show_it"
     ): (
-        ("diagnose.search.combine", "matched", "[k] if c.once", "[ABSENT] if c.once"),
+        ("diagnose.search.combine", "matched_candidates", "[k] if c.once", "[ABSENT] if c.once"),
     ),
     "diagnose/search/test_combine.py::test_a_recording_that_does_not_see_a_cause_says_what_it_does_without": (
         ("diagnose.search.ranking", "Ranking.summed", "total[~present] += otherwise[k]",

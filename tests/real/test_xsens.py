@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.refit import start_with_baseline
 from gimbalcal.diagnose.search.stepwise import likeliest_missing
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.grade import grade_of_unit
@@ -76,7 +76,7 @@ def test_the_drift_is_no_accident_of_the_order():
 
     def odds(means):
         view = norm(means)
-        return likeliest_missing(start(view)).ln_total
+        return likeliest_missing(start_with_baseline(view)).ln_total
 
     (means,) = grade_of_unit([read(XSENS)]).of([read(XSENS)])
     assert odds(means) > CLAIM

@@ -23,7 +23,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.gram import Gram, size
+from gimbalcal.diagnose.evidence.gram import Gram, triangle_size
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.scale import LEAST, Channels, log_density_of_scale, log_norm
 from gimbalcal.inference.algebra import orthonormal_columns
@@ -133,9 +133,9 @@ class ChannelProducts:
         """Form the products of rows [Z | X | y] (n C, q + P + m)."""
         C, end = len(channels.scale), q + P
         A = node.products_of_channels(rows, C)
-        xx = np.empty((C, size(P)))
+        xx = np.empty((C, triangle_size(P)))
         for i in range(P):
-            xx[:, size(i) : size(i + 1)] = A[:, q + i, q : q + i + 1]
+            xx[:, triangle_size(i) : triangle_size(i + 1)] = A[:, q + i, q : q + i + 1]
         zz, zx, zy, xy = A[:, :q, :q], A[:, :q, q:end], A[:, :q, end:], A[:, q:end, end:]
         yy = np.diagonal(A[:, end:, end:], axis1=1, axis2=2)
         zz, zx, zy, xy, yy = (part.copy() for part in (zz, zx, zy, xy, yy))  # all of A need not be kept
@@ -213,7 +213,7 @@ Place = tuple[int, tuple[int, ...] | None]
 """Ordinal of a noise, and of a node in the lattice of its scales; None where all channels scatter alike."""
 
 
-def places(every: Sequence[ChannelProducts], scored: Callable[[Sequence[Place]], Array]) -> list[Place]:
+def promising_nodes(every: Sequence[ChannelProducts], scored: Callable[[Sequence[Place]], Array]) -> list[Place]:
     """Return the nodes of the lattices of several noises that hold the evidence of any promising cause.
 
     scored: ln of prior x likelihood (nodes, 1 + candidates) of nodes, without a cause and with each.

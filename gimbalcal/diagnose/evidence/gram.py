@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.number import Array
 
 
-def size(P: int) -> int:
+def triangle_size(P: int) -> int:
     """Numbers in the triangle of P columns."""
     return P * (P + 1) // 2
 
@@ -31,13 +31,13 @@ class Gram:
     @classmethod
     def of(cls, G: Array, room: Array | None = None) -> Gram:
         """That of a whole matrix (P, P), its triangle in `room` if that is given."""
-        empty = cls(np.empty(size(len(G))) if room is None else room, np.zeros((0, 0)))
+        empty = cls(np.empty(triangle_size(len(G))) if room is None else room, np.zeros((0, 0)))
         return empty.grown(G)
 
     def grown(self, more: Array) -> Gram:
         """Return the matrix with further columns, whose products (p, P + p) with all are put behind its own."""
         P, p = len(self.taken), len(more)
-        self.triangle[size(P) : size(P + p)] = more[np.tri(p, P + p, P, dtype=bool)]
+        self.triangle[triangle_size(P) : triangle_size(P + p)] = more[np.tri(p, P + p, P, dtype=bool)]
         return Gram(self.triangle, np.zeros((P + p, 0)))
 
     def products(self, i: Array, j: Array) -> Array:

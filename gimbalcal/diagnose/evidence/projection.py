@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.channel_scales import Place, places, products_of_noises
-from gimbalcal.diagnose.evidence.gram import Gram, size
+from gimbalcal.diagnose.evidence.channel_scales import Place, products_of_noises, promising_nodes
+from gimbalcal.diagnose.evidence.gram import Gram, triangle_size
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.scale import STATED, Channels, Free, Stated
 from gimbalcal.diagnose.library.candidates import Layout
@@ -76,7 +76,9 @@ class Projection:
         return float(b @ np.linalg.pinv(self.G.block(at), rcond=1e-10, hermitian=True) @ b)
 
 
-def stack(Z: Array, X: Array, y: Array, low: int, scale: Stated | Free = STATED, unit: float = 1.0) -> ReducedRows:
+def stacked_rows(
+    Z: Array, X: Array, y: Array, low: int, scale: Stated | Free = STATED, unit: float = 1.0
+) -> ReducedRows:
     """Reduced Z (R, z), X (R, P), y (R, m) to `ReducedRows` whose first `low` rows are coloured."""
     Q = orthonormal(Z)
     q, P = Q.shape[1], X.shape[1]
@@ -85,17 +87,17 @@ def stack(Z: Array, X: Array, y: Array, low: int, scale: Stated | Free = STATED,
     A[:, :q], A[:, q + P :] = Q, y
     for k in range(0, P, CHUNK):
         part = X[:, k : k + CHUNK]
-        A[:, q + k : q + k + part.shape[1]] = _cleared(Q, part)
+        A[:, q + k : q + k + part.shape[1]] = without_calibration(Q, part)
     tail = A[low:]
     if not len(tail):
         return ReducedRows(A, np.broadcast_to(0.0, (A.shape[1], A.shape[1])), q, P, Q, y, scale, unit)
     return ReducedRows(A[:low].copy(), tail.T @ tail, q, P, Q, y, scale, unit)
 
 
-def appended(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
-    """`rows` of columns X (R, P) with `new` (R, p) behind them: what `stack` makes of both, in less time for a few."""
+def append_columns(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
+    """`rows` of columns X (R, P) with `new` (R, p) behind them: as `stacked_rows` makes them, faster for a few."""
     q, P, low = rows.q, rows.P, len(rows.low)
-    remainder = _cleared(rows.Q, new)
+    remainder = without_calibration(rows.Q, new)
     visible = rows.low[:, q : q + P].any(axis=0) | (np.diag(rows.high)[q : q + P] > 0)
     N = remainder[low:]
     QN = rows.Q[low:].T @ N
@@ -110,14 +112,14 @@ def appended(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
     return ReducedRows(columns, high, q, P + N.shape[1], rows.Q, rows.y, rows.scale, rows.unit)
 
 
-def _cleared(Q: Array, X: Array) -> Array:
+def without_calibration(Q: Array, X: Array) -> Array:
     """X (R, P) cleared of the calibration, and zero where that leaves nothing to speak of."""
     remainder = X - Q @ (Q.T @ X)
     visible = np.linalg.norm(remainder, axis=0) > ABSORBED * np.linalg.norm(X, axis=0)
     return np.asarray(np.where(visible, remainder, 0.0))
 
 
-def projected(
+def project_all(
     nodes: Sequence[Node], rows: ReducedRows, before: Sequence[Projection] = (), layout: Layout | None = None
 ) -> tuple[Projection, ...]:
     """One projection per noise, their Gram matrices in one piece of memory: some hundred MB, with nothing between.
@@ -128,9 +130,9 @@ def projected(
     """
     if rows.scale.channels is not None and not any(n.scales for n in nodes):
         return _of_channel_scales(nodes, rows, rows.scale.channels, layout)
-    if before and size(rows.P) <= len(before[0].G.triangle):
-        return tuple(_grown(p, rows) for p in before)
-    room = np.empty((len(nodes), size(rows.P + SPARE)))
+    if before and triangle_size(rows.P) <= len(before[0].G.triangle):
+        return tuple(grown_projection(p, rows) for p in before)
+    room = np.empty((len(nodes), triangle_size(rows.P + SPARE)))
     return tuple(project(node, rows, own) for node, own in zip(nodes, room, strict=True))
 
 
@@ -149,9 +151,9 @@ def _of_channel_scales(
             projections[k, at] = Projection(node, G, b, misfit, node.logdet + penalty, scale)
         new = [projections[place] for place in wanted]
         none = np.array([p.log_evidence() for p in new])[:, None]
-        return none if layout is None else np.concatenate([none, gather(new, layout) + none], axis=1)
+        return none if layout is None else np.concatenate([none, gather_evidence(new, layout) + none], axis=1)
 
-    return tuple(projections[place] for place in places(every, scored))
+    return tuple(projections[place] for place in promising_nodes(every, scored))
 
 
 def project(node: Node, rows: ReducedRows, room: Array | None = None) -> Projection:
@@ -170,7 +172,7 @@ def project(node: Node, rows: ReducedRows, room: Array | None = None) -> Project
     return Projection(node, G, B[:P, P:].copy(), misfit, node.logdet + logdet, scale)
 
 
-def _grown(p: Projection, rows: ReducedRows) -> Projection:
+def grown_projection(p: Projection, rows: ReducedRows) -> Projection:
     """The projection of rows that have further columns behind those it knows."""
     q, P, known = rows.q, rows.P, len(p.b)
     these = np.r_[:q, q + known : q + P]
@@ -180,7 +182,7 @@ def _grown(p: Projection, rows: ReducedRows) -> Projection:
     return replace(p, G=p.G.grown(B[:, :P]), b=np.concatenate([p.b, B[:, P:]]))
 
 
-def extended(p: Projection, rows: ReducedRows, X: Array) -> Projection:
+def projection_of_columns(p: Projection, rows: ReducedRows, X: Array) -> Projection:
     """The projection at the same noise of reduced columns X (R, p) that are not among the rows."""
     return project(p.node, rows_like(rows, X))
 
@@ -196,7 +198,7 @@ def rows_like(rows: ReducedRows, X: Array, low: int = 0) -> ReducedRows:
 
 def log_bayes(p: Projection, index: Array, sizes: Array) -> Array:
     """ln BF (..., sizes) of the columns `index` (..., w) together, one per prior size."""
-    gain, damping = _by_size(*_principal(p, index), sizes)
+    gain, damping = _by_size(*principal_components(p, index), sizes)
     return np.asarray(p.scale.gained(p.misfit[0], gain) - damping)
 
 
@@ -207,19 +209,19 @@ def any_size(p: Projection, index: Array) -> Array:
 
 def each_size(p: Projection, index: Array) -> Array:
     """ln of prior share times BF (..., sizes) of the columns `index` (..., w) together, for each prior size."""
-    return _weighed(p, *_by_size(*_principal(p, index), p.scale.sizes))
+    return _weighed(p, *_by_size(*principal_components(p, index), p.scale.sizes))
 
 
 def _weighed(p: Projection, gain: Array, damping: Array) -> Array:
     return np.asarray(p.scale.gained(p.misfit[0], gain) - damping + p.scale.log_prior(p.misfit[0] - gain))
 
 
-def _principal(p: Projection, index: Array) -> tuple[Array, Array]:
+def principal_components(p: Projection, index: Array) -> tuple[Array, Array]:
     """Eigenvalues of the Gram matrices of columns `index` (..., w), and scores along their vectors, both (..., w)."""
-    return _along(p.G.block(index), p.b[index, 0])
+    return scores_along(p.G.block(index), p.b[index, 0])
 
 
-def _along(G: Array, b: Array) -> tuple[Array, Array]:
+def scores_along(G: Array, b: Array) -> tuple[Array, Array]:
     if G.shape[-1] == 1:
         return np.maximum(G[..., 0], 0.0), b
     lam, V = eigh(G)
@@ -233,13 +235,13 @@ def _by_size(lam: Array, c: Array, sizes: Array) -> tuple[Array, Array]:
     return np.asarray(gain), np.asarray(0.5 * np.log1p(s2 * lam).sum(axis=-1))
 
 
-def gather(projections: Sequence[Projection], layout: Layout) -> Array:
+def gather_evidence(projections: Sequence[Projection], layout: Layout) -> Array:
     """ln BF (nodes, candidates) of every single candidate at every noise, sizes and variants mixed; b (P, 1)."""
     sizes = projections[0].scale.sizes
     gain, damping = np.empty((2, len(projections), len(layout.log_share), len(sizes)))
     for members, index in layout.widths:
         G, b = (np.stack(each) for each in zip(*((p.G.block(index), p.b[index, 0]) for p in projections), strict=True))
-        gain[:, members], damping[:, members] = _by_size(*_along(G, b), sizes)
+        gain[:, members], damping[:, members] = _by_size(*scores_along(G, b), sizes)
     ln = np.stack([logsumexp(_weighed(p, gain[k], damping[k]), axis=-1) for k, p in enumerate(projections)])
     return np.asarray(np.logaddexp.reduceat(ln + layout.log_share, layout.starts, axis=1))
 
@@ -252,7 +254,7 @@ def at_best(p: Projection, layout: Layout) -> Array:
     return np.maximum.reduceat(ln, layout.starts)
 
 
-def condition(p: Projection, columns: Array, size: float) -> Projection:
+def condition_on(p: Projection, columns: Array, size: float) -> Projection:
     """Return the projection given that these columns are in the model with prior size s."""
     lam, V = eigh(p.G.block(columns))
     lam = np.maximum(lam, 0.0)  # of columns that are alike

@@ -14,7 +14,7 @@ from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.laws.law_search import Ground, Place
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, layout_of
 from gimbalcal.diagnose.library.shapes import MIN_TRAVEL_RAD, RIVAL_SIGMA
-from gimbalcal.diagnose.library.variables import joined, variables
+from gimbalcal.diagnose.library.variables import joined_variables, variables
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.effects import Stage
 from gimbalcal.inference.algebra import block_diagonal, orthonormal
@@ -114,7 +114,7 @@ def _joined_place(each: Sequence[Ground], channel: str, axis: str) -> Place:
                 for k, g in enumerate(each)]  # fmt: skip
         return np.concatenate([A.reshape(-1, 1, X.shape[1]) for A in blocks])
 
-    shared = joined([variables(p.stimulus, still=True) for p in own.values()])
+    shared = joined_variables([variables(p.stimulus, still=True) for p in own.values()])
     return Place(channel, axis, shared, first.stimulus, block, columns)
 
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.noises import noises
+from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER, UNKNOWN
-from gimbalcal.diagnose.evidence.stated_noise import nominal
+from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.grounds import with_law
 from gimbalcal.diagnose.laws.law_curve import with_curves
@@ -28,11 +28,11 @@ from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, is_usual, search, selected_causes
 from gimbalcal.diagnose.search.refit import fitted_columns, with_columns
 from gimbalcal.diagnose.search.stepwise import Key, SearchResult, with_causes
-from gimbalcal.diagnose.verdict.agreement import against, inverse_of, mean_of
-from gimbalcal.diagnose.verdict.decide import Decision, strained, unnamed
-from gimbalcal.diagnose.verdict.mismatch import LEFT, scan
+from gimbalcal.diagnose.verdict.agreement import disagreement_sentence, inverse_of, mean_of
+from gimbalcal.diagnose.verdict.decide import Decision, decide_unnamed, noise_gain
+from gimbalcal.diagnose.verdict.mismatch import LEFT, scan_data
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
-from gimbalcal.diagnose.verdict.separation import expected_ln_bayes, fastest
+from gimbalcal.diagnose.verdict.separation import expected_ln_bayes, fastest_manoeuvre
 from gimbalcal.diagnose.verdict.verify import residual_rows, row_sigma, verify
 from gimbalcal.effects import Stage
 from gimbalcal.inference.algebra import logsumexp, orthonormal, orthonormal_columns
@@ -149,7 +149,7 @@ def beyond_walk(
 
     common: the ranking without noises in which a single sensor walks. A walk has no formula.
     """
-    none = unnamed(common)
+    none = decide_unnamed(common)
     law = lawful(common, none, seed, progress)
     none = none if law.laws or common.ln_total >= CLAIM else replace(none, shapes=())
     return none, *against_walk(law, walk, repeat_advice(common.searches[0].fit.view.kind.stabilised))
@@ -203,7 +203,7 @@ def law_of_searches(
     advice = separating_manoeuvre(searches[lead].fit, likely, x, others[0], asked=best is None) if others else ""
     if best is None:
         return Lawful((), f"{undetermined(every, others, g, searches[0].fit.view.kind)}. {advice}")
-    if against(agree, ""):
+    if disagreement_sentence(agree, ""):
         return Lawful((), law_sentences.DIFFERENT_SIZES.format(law=printed(best)))
     before, after = (float(np.average([getattr(h.checked, w) for h in fits], weights=[len(s.rows.Q) for s in searches]))
                      for w in ("heldout_before", "heldout_after"))  # fmt: skip
@@ -228,7 +228,7 @@ def _sought(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> tuple[Beside
     That is the likeliest noise without a law, or the stated one: a noise that explains what a law adds hides the law,
     as what is switched looks like the walk of a sensor. The evidence is that over all noises in either case.
     """
-    stated = [nominal(s.fit) for s in ranked.searches]
+    stated = [nominal_noise(s.fit) for s in ranked.searches]
     among = [nodes] if [n.name for n in nodes] == [n.name for n in stated] else [nodes, stated]
     each = [(b, own) for own in among if (b := compared(ranked.searches, own, ranked, alone)) is not None]
     return max(each, key=lambda sought: sought[0].total)  # every recording of known attitude has outputs
@@ -319,14 +319,14 @@ def _law_in_recording(bare: Search, s: Search, columns: Array, rng: np.random.Ge
     extended, physical, scale = with_law(s, columns)
     f = fit_causes(extended, (0,))
     explained = extended.library.X if columns.any() else None
-    p_value = scan(s.fit, s.rows, f.projection.node, rng, explained)
+    p_value = scan_data(s.fit, s.rows, f.projection.node, rng, explained)
     checked = verify(f, physical)
     if s is not bare:
         same = next(p for p in bare.projections if p.node is f.projection.node)
         none = verify(replace(fit_causes(bare, ()), projection=same), np.zeros((*bare.fit.residual.shape, 0)))
         checked = replace(checked, chi2_reduced_before=none.chi2_reduced_before, heldout_before=none.heldout_before)
     weight = inverse_of(f.covariance * np.outer(scale, scale))
-    return LawFit(f.x * scale, weight, p_value.p_value, strained(extended, (0,)), checked)
+    return LawFit(f.x * scale, weight, p_value.p_value, noise_gain(extended, (0,)), checked)
 
 
 def causes_replaced_by_a_formula(
@@ -445,7 +445,7 @@ def _whitened(s: Search, law: Law) -> tuple[Node, Array, Array, Array]:
 def _compared_in(m: Fit, s: Search, sigma: Array, alone: bool = True) -> Beside | None:
     """Return the laws of a view, in noise of `sigma` (n, C), that no two events show; alone: without a known cause."""
     one = float(np.sqrt(np.mean(m.view.noise.weighted(sigma) ** 2)))
-    b = compared([s], noises(m, memory=False), s, alone=alone, sigma=one)
+    b = compared([s], possible_noises(m, memory=False), s, alone=alone, sigma=one)
     strong = [law for law in b.laws if law.evidence >= CLAIM] if b else []
     return b and replace(b, laws=[law for law in strong if _evidence_without_two_groups(b.searches[0], law) > 0])
 
@@ -507,7 +507,7 @@ def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool 
         signal = _columns(planned, law, law.expression) @ size[:, None]
         return expected_ln_bayes(planned, signal, _varied(planned, other))
 
-    best = fastest(o, gained)
+    best = fastest_manoeuvre(o, gained)
     if not (best.words or asked):
         return ""
     return separation_advice(best.words, best.hours, best.ln_bayes, printed(law), printed(other))

@@ -15,12 +15,12 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
-from gimbalcal.diagnose.evidence.projection import projected
+from gimbalcal.diagnose.evidence.projection import project_all
 from gimbalcal.diagnose.laws.grounds import ground, together
 from gimbalcal.diagnose.laws.law_search import Ground, Law, free, laws_of, weighed_in
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
-from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, log_evidence, reduced
+from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, log_evidence, reduced_rows
 from gimbalcal.diagnose.search.refit import with_columns
 
 FIRST = 3  # known causes that a law is sought beside
@@ -117,7 +117,7 @@ def with_cause(s: Search, members: Sequence[int]) -> Search:
     known = s.fit.view.noise.scale_known
     fit = replace(s.fit, jacobian=np.concatenate([s.fit.jacobian, X], axis=2)) if known else with_columns(s.fit, X)
     none, nodes = Library((), np.zeros((len(s.rows.Q), 0))), [p.node for p in s.projections]
-    rows = reduced(fit, none.X, nodes)
-    each = projected(nodes, rows)
+    rows = reduced_rows(fit, none.X, nodes)
+    each = project_all(nodes, rows)
     null, empty = log_evidence(each), np.zeros((len(each), 0))
     return Search(none, (), empty[0], fit, rows, each, null, empty, empty[0])

@@ -13,10 +13,10 @@ from gimbalcal.diagnose.library.candidates import (
     Constants,
     Library,
     Variant,
-    choices,
-    eligible,
+    constant_choices,
+    covariate_sources,
+    is_eligible,
     of_effect,
-    sources,
 )
 from gimbalcal.diagnose.library.shapes import shapes_in_outputs, shapes_of
 from gimbalcal.effects import CATALOGUE, Effect, Parameter
@@ -36,15 +36,17 @@ SCALE_STEP = 0.5  # of ln of the scale of a channel, between those at which whol
 MOST = 150  # choices of constants that are weighed beside each other; of more, those that explain most
 
 
-def library(fit: Fit) -> Library:
+def assemble_library(fit: Fit) -> Library:
     """Return everything that could still be missing from a model, as columns per prior sigma, and shapes of no cause.
 
     The columns are reduced rows (R, P).
     """
     v, rows = fit.view, fit.rows
-    maker = _Columns(fit, rows, spans(rows.jacobian(fit.parameters)) if not v.noise.scale_known else np.zeros((0, 0)))
+    maker = _Columns(
+        fit, rows, orthonormal_basis(rows.jacobian(fit.parameters)) if not v.noise.scale_known else np.zeros((0, 0))
+    )
     blocks: list[Array] = []
-    candidates = [c for effect_id in available(v) for c in _of_effect(maker, effect_id, blocks)]
+    candidates = [c for effect_id in available_effects(v) for c in _of_effect(maker, effect_id, blocks)]
     if v.noise.scale_known:
         candidates += shapes_in_outputs(fit, blocks)
     else:
@@ -54,7 +56,7 @@ def library(fit: Fit) -> Library:
     return Library(tuple(candidates), np.concatenate(blocks, axis=-1))
 
 
-def available(v: View) -> tuple[str, ...]:
+def available_effects(v: View) -> tuple[str, ...]:
     """Return the ids of the catalogue that could be the cause of what these rows show.
 
     Where the scale of the noise is known the model holds an effect with all parameters that were fitted, or not at all.
@@ -62,7 +64,7 @@ def available(v: View) -> tuple[str, ...]:
     return tuple(
         effect_id
         for effect_id, cls in CATALOGUE.items()
-        if eligible(cls, v.kind, v.stimulus, v.stages, scale_known=v.noise.scale_known)
+        if is_eligible(cls, v.kind, v.stimulus, v.stages, scale_known=v.noise.scale_known)
         and not (v.noise.scale_known and effect_id in v.baseline)
     )
 
@@ -106,8 +108,8 @@ def _of_effect(maker: _Columns, effect_id: str, blocks: list[Array]) -> list[Can
         and (order_of(p) == 1 or (terms and (p.effect, p.axis) not in begun))
     )  # fmt: skip
     if not v.noise.scale_known and there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):
-        first = absent_effect(effect_id, v.stimulus, "", **dict(choices(cls, v.stimulus)[0]))
-        own = _beyond(np.nan_to_num(maker.rows.columns(first, wanted)), maker.taken)
+        first = absent_effect(effect_id, v.stimulus, "", **dict(constant_choices(cls, v.stimulus)[0]))
+        own = columns_beyond(np.nan_to_num(maker.rows.columns(first, wanted)), maker.taken)
         wanted = tuple(p for p, shown in zip(wanted, own, strict=True) if shown or p.axis not in v.stimulus.axis_names)
     if not wanted:
         return []
@@ -120,25 +122,25 @@ def _of_effect(maker: _Columns, effect_id: str, blocks: list[Array]) -> list[Can
 
     scan = every_number(v, cls)[1]
     out: list[Candidate] = []
-    for source in sources(cls, v.stimulus):
+    for source in covariate_sources(cls, v.stimulus):
         if there is None:
             last = max(order_of(p) for p in wanted)
-            tried, count = _tried(maker, cls, source, columns if last == 1 else leading, last)
+            tried, count = weighed_choices(maker, cls, source, columns if last == 1 else leading, last)
         elif source == (getattr(there, "covariate", "") if source else ""):
             # its constants were chosen among as many, unless another axis has determined them
             in_model = any(p.effect == effect_id for p in modelled)
             tried, count = (
                 [constants_of(there)],
-                1 if in_model else len(v.cache.get(effect_id, choices(cls, v.stimulus))),
+                1 if in_model else len(v.cache.get(effect_id, constant_choices(cls, v.stimulus))),
             )
         else:
             continue
         candidates = of_effect(cls, source, wanted, tried, v.stimulus, columns, blocks)
-        out += [replace(c, scanned=count, variants=weighed(c.variants, count, scan)) for c in candidates]
+        out += [replace(c, scanned=count, variants=weighted_variants(c.variants, count, scan)) for c in candidates]
     return out
 
 
-def _tried(
+def weighed_choices(
     maker: _Columns, cls: type[Effect], source: str, columns: Callable[[Effect], Array], orders: int
 ) -> tuple[list[Constants], int]:
     """Return the choices of constants that are weighed, and of how many they are the best, 0 for all of them.
@@ -146,15 +148,15 @@ def _tried(
     columns: those of the lowest of several `orders`.
     """
     v = maker.fit.view
-    every = choices(cls, v.stimulus)
+    every = constant_choices(cls, v.stimulus)
     if not v.noise.scale_known:
-        return _scanned(v, cls, maker.misfit, columns, every, orders)
+        return scanned_orders(v, cls, maker.misfit, columns, every, orders)
     if len(every) > MOST:
-        return _likeliest(maker.fit, cls, source, every, columns), len(every)
+        return likeliest_choices(maker.fit, cls, source, every, columns), len(every)
     return every, 0
 
 
-def _likeliest(
+def likeliest_choices(
     o: Fit, cls: type[Effect], source: str, every: Sequence[Constants], columns: Callable[[Effect], Array]
 ) -> list[Constants]:
     """The `MOST` choices that take away most of what the calibration leaves of the data, in order.
@@ -186,20 +188,20 @@ def _clear_of_noise(v: View, X: Array, misfit: Array, taken: Array) -> Array:
     return np.asarray(X * (remainder > noise * np.linalg.norm(A, axis=0)))
 
 
-def spans(J: Array) -> Array:
+def orthonormal_basis(J: Array) -> Array:
     """Orthonormal basis (n C, q) of columns J (n, C, p), whatever their units."""
     A = J.reshape(J.shape[0] * J.shape[1], -1)
     return orthonormal(A / (np.linalg.norm(A, axis=0) + 1e-300))
 
 
-def _beyond(X: Array, Q: Array) -> NDArray[np.bool_]:
+def columns_beyond(X: Array, Q: Array) -> NDArray[np.bool_]:
     """Return which of the columns X (n, C, p) are more than what Q (n C, q) spans."""
     A = X.reshape(len(Q), -1)
     remainder = np.linalg.norm(A - Q @ (Q.T @ A), axis=0)
     return np.asarray(remainder > STILL * np.linalg.norm(A, axis=0))
 
 
-def _scanned(
+def scanned_orders(
     v: View, cls: type[Effect], misfit: Array, columns: Callable[[Effect], Array], tried: list[Constants], orders: int
 ) -> tuple[list[Constants], int]:
     """Whole numbers about those that explain most of a misfit (n, C), of all that the readouts tell apart; how many.
@@ -216,16 +218,16 @@ def _scanned(
     rough = v.of_scales(np.exp(np.round(np.log(v.noise.scales) / SCALE_STEP) * SCALE_STEP) if v.noise.scales else ())
     weight, at = rough.weight, (cls.id, rough.noise.scales)
     if at not in v.cache:
-        v.cache[at] = np.stack([spanned(X * weight[..., None]) for X in v.cache[cls.id]]).astype(np.float32)
-    power = powers(v.cache[at], misfit * weight)
+        v.cache[at] = np.stack([orthonormal_or_zero(X * weight[..., None]) for X in v.cache[cls.id]]).astype(np.float32)
+    power = misfit_powers(v.cache[at], misfit * weight)
     if v.noise.own_memories:
         level = np.array([np.median(power[max(i - NEAR, 0) : i + NEAR + 1]) for i in range(len(power))])
         power = power / np.maximum(level, 1e-300)
     step = float(every[1] - every[0])
-    chosen = set(between_scanned(every[_peaks(power, PEAKS)], step))
+    chosen = set(between_scanned(every[highest_peaks(power, PEAKS)], step))
     if orders > 1:
         numbers, of_series = power_of_harmonics(power, every, orders)
-        chosen |= set(between_scanned(numbers[_peaks(of_series, PEAKS)], 1 + np.ceil(step / orders)))
+        chosen |= set(between_scanned(numbers[highest_peaks(of_series, PEAKS)], 1 + np.ceil(step / orders)))
     return [((whole.name, m),) for m in sorted(chosen)], len(every)
 
 
@@ -235,7 +237,7 @@ def every_number(v: View, cls: type[Effect]) -> tuple[Constant | None, Array]:
     return whole, np.zeros(0) if whole is None else resolved_numbers(whole, v.stimulus)
 
 
-def weighed(variants: Sequence[Variant], scanned: int, every: Array) -> tuple[Variant, ...]:
+def weighted_variants(variants: Sequence[Variant], scanned: int, every: Array) -> tuple[Variant, ...]:
     """Return variants of a scan with weights by which the logarithm of the number is uniform, as of any period.
 
     Each stands for the numbers nearest to it, up to half a step of the scan on either side; the weights of all that
@@ -249,7 +251,7 @@ def weighed(variants: Sequence[Variant], scanned: int, every: Array) -> tuple[Va
     return tuple(replace(v, weight=float(w)) for v, w in zip(variants, weight, strict=True))
 
 
-def spanned(X: Array) -> Array:
+def orthonormal_or_zero(X: Array) -> Array:
     """Orthonormal columns of what X (n, C, p) spans, zero where it spans less than p."""
     A = X.reshape(-1, X.shape[-1])
     lam, V = np.linalg.eigh(A.T @ A)
@@ -257,7 +259,7 @@ def spanned(X: Array) -> Array:
     return np.asarray((A @ V / np.sqrt(np.where(visible, lam, np.inf))).reshape(X.shape))
 
 
-def powers(Q: Array, misfit: Array) -> Array:
+def misfit_powers(Q: Array, misfit: Array) -> Array:
     """Return the power (m,) of a misfit (n, C) in each of the sets of orthonormal columns Q (m, n, C, p)."""
     return np.asarray(((misfit.ravel() @ Q.reshape(len(Q), misfit.size, -1)) ** 2).sum(axis=1))
 
@@ -275,7 +277,7 @@ def power_of_harmonics(power: Array, every: Array, orders: int) -> tuple[Array, 
     return numbers, np.asarray(padded[np.minimum(at, len(power))].sum(axis=1))
 
 
-def _peaks(power: Array, count: int) -> list[int]:
+def highest_peaks(power: Array, count: int) -> list[int]:
     """Return the ordinals of the highest local maxima of a scan over whole numbers, in order."""
     padded = np.concatenate([[-np.inf], power, [-np.inf]])
     top = np.flatnonzero((power >= padded[:-2]) & (power >= padded[2:]))

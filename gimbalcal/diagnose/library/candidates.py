@@ -124,7 +124,7 @@ def layout_of(candidates: Sequence[Candidate]) -> Layout:
     return Layout(starts, np.log(np.concatenate(share)), tuple((m, np.array([spans[i] for i in m])) for m in members))
 
 
-def eligible(
+def is_eligible(
     cls: type[Effect], recording_kind: str, s: Stimulus, stages: Container[Stage], *, scale_known: bool
 ) -> bool:
     """Return whether an effect could be the cause of what a recording shows at these stages.
@@ -145,7 +145,7 @@ def eligible(
     return there and bool(np.ptp(s.time) >= role.min_duration_s)
 
 
-def sources(cls: type[Effect], s: Stimulus) -> tuple[str, ...]:
+def covariate_sources(cls: type[Effect], s: Stimulus) -> tuple[str, ...]:
     """Names of the recorded covariates for an effect that follows any of them, else the empty name.
 
     What an effect of its own says of a channel (pressure, supply_voltage) a generic one need not say as well.
@@ -186,7 +186,7 @@ def _axis(p: Parameter) -> str:
     return p.axis[0] if pair else re.sub("_[xyz]$", "", p.axis)
 
 
-def choices(cls: type[Effect], s: Stimulus) -> list[Constants]:
+def constant_choices(cls: type[Effect], s: Stimulus) -> list[Constants]:
     """Every combination of the starting values of an effect's non-linear constants."""
     fields = constants(cls)
     each = (grid(f, s).tolist() for f in fields)

@@ -38,7 +38,7 @@ def shapes_in_outputs(o: Fit, blocks: list[Array]) -> list[Candidate]:
     Free per position, smooth in orientation, in time, in temperature, gimbal harmonics; and simple laws.
     """
     out: list[Candidate] = []
-    axes = _outputs(o)
+    axes = accelerometer_responses(o)
     for name, (words, basis) in shapes(o).items():
         scaled = unit_rms(basis)
         every: list[int] = []
@@ -66,8 +66,8 @@ def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
 
     known = normalised(np.concatenate([b[:SLOWEST] for b in blocks], axis=1))
     out = []
-    for name, (words, bases) in products(o).items():
-        for axis, along in _outputs(o):
+    for name, (words, bases) in product_laws(o).items():
+        for axis, along in accelerometer_responses(o):
             variants = []
             for basis in bases:
                 X = o.reduced(along[:, :, None] * unit_rms(basis)[:, None, :])
@@ -78,7 +78,7 @@ def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
     return out
 
 
-def _outputs(o: Fit) -> list[tuple[str, Array]]:
+def accelerometer_responses(o: Fit) -> list[tuple[str, Array]]:
     """Return the response (n, C) of all channels to one sigma of a row added to each logged accelerometer."""
     S = o.rows.sensitivity[Stage.ACCELEROMETER]
     out = []
@@ -97,7 +97,7 @@ def gimbal_harmonics(o: Fit, blocks: list[Array]) -> list[Candidate]:
         words = f"a third or higher harmonic of the {axis} gimbal angle"
         out += _of_gimbal(o, i, "unknown gimbal angle", words, harmonics, blocks)
         words = f"a value of its own at each setting of the {axis} gimbal"
-        out += _of_gimbal(o, i, "unknown gimbal setting", words, settings(o.view.stimulus.readout[:, i]), blocks)
+        out += _of_gimbal(o, i, "unknown gimbal setting", words, settings_basis(o.view.stimulus.readout[:, i]), blocks)
     return out
 
 
@@ -138,7 +138,7 @@ def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: i
             scaled = rms * unit_rms((response * basis)[:, : max(1, free // 2)])
             X = np.zeros((n, C, scaled.shape[1]))
             X[:, c] = scaled
-            X = _beyond(X / (rms or 1.0), taken) * rms
+            X = combinations_beyond(X / (rms or 1.0), taken) * rms
             if not X.shape[-1]:
                 continue
             span = tuple(appended_to(blocks, X))
@@ -153,7 +153,7 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
     rms = float(np.sqrt(np.mean((misfit * w) ** 2)))
     Q = orthonormal(w.reshape(-1, 1) * taken)
     for quantity, axis in ((q, a) for q in (FORCE, RATE) for a in "xyz"):
-        for name, words, columns in _turning(v, quantity, axis):
+        for name, words, columns in shapes_of_turned_unit(v, quantity, axis):
             A = (columns * w[..., None]).reshape(len(taken), -1)
             A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
             remainder = A - Q @ (Q.T @ A)
@@ -167,7 +167,7 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
     return tuple(out)
 
 
-def _turning(v: View, quantity: str, axis: str) -> Iterator[Shape]:
+def shapes_of_turned_unit(v: View, quantity: str, axis: str) -> Iterator[Shape]:
     """Yield what a sensor of a unit that is turned may follow, as columns (n, C, m)."""
     s = v.stimulus
 
@@ -177,11 +177,19 @@ def _turning(v: View, quantity: str, axis: str) -> Iterator[Shape]:
     course = v.course_of_sensor(quantity, axis)
     yield "time", "a smooth function of time", course[..., : len(SLOW)]
     yield "fast time", "a pattern in time", course[..., len(SLOW) : len(SLOW) + len(FAST)]
-    yield "orientation", "a smooth function of the direction of gravity", added("orientation", polynomials(_along(v)))
+    yield (
+        "orientation",
+        "a smooth function of the direction of gravity",
+        added("orientation", polynomials(unit_force(v))),
+    )
     rate = _of_rate(s.rate / (np.abs(s.rate).max() or 1.0))
     yield "rate", "a smooth function of the rate of turn", added("rate", rate)
-    if _warms(v):
-        yield "temperature", "a function of temperature", added("temperature", thermal(s.time, _temperature(v)))
+    if warms_up(v):
+        yield (
+            "temperature",
+            "a function of temperature",
+            added("temperature", thermal_polynomials(s.time, _temperature(v))),
+        )
 
 
 def _of_rate(rate: Array) -> Array:
@@ -191,7 +199,7 @@ def _of_rate(rate: Array) -> Array:
     return np.stack([x * x, y * y, z * z, x * y, y * z, z * x, *np.abs(rate.T), *third], axis=-1)
 
 
-def _beyond(X: Array, Q: Array) -> Array:
+def combinations_beyond(X: Array, Q: Array) -> Array:
     """Combinations (n, C, q) of unit columns X (n, C, p) of which Q (n C, m) leaves more than `VAGUE`."""
     A = X.reshape(len(Q), -1)
     _, S, Vt = np.linalg.svd(A - Q @ (Q.T @ A), full_matrices=False)
@@ -210,33 +218,33 @@ def _outer_axis(v: View) -> Array:
 def _of_view(v: View) -> Iterator[Shape]:
     """Yield what a channel may follow as it is."""
     follows = v.measurement.patterns
-    yield "time", "a smooth function of time", _course(v, SLOW)
+    yield "time", "a smooth function of time", course_cosines(v, SLOW)
     if "fast time" in follows:
-        yield "fast time", "a pattern in time", _course(v, FAST)
+        yield "fast time", "a pattern in time", course_cosines(v, FAST)
     if "angles" in follows:
         yield from _angle_harmonics(v)
     if "orientation" in follows:
-        yield "orientation", "a smooth function of the direction of gravity", polynomials(_along(v))
-    if "temperature" in follows and _warms(v):
-        yield "temperature", "a function of temperature", thermal(v.time, _temperature(v))
+        yield "orientation", "a smooth function of the direction of gravity", polynomials(unit_force(v))
+    if "temperature" in follows and warms_up(v):
+        yield "temperature", "a function of temperature", thermal_polynomials(v.time, _temperature(v))
 
 
 def _of_accelerometers(v: View) -> Iterator[Shape]:
     """Yield what each accelerometer may follow: a course in time or temperature, or a curve of the force along it."""
-    u = _along(v)
+    u = unit_force(v)
     for i, axis in enumerate("xyz"):
         along = u[:, i : i + 1]
-        yield f"time {axis}", f"a smooth function of time along {axis}", along * _course(v, SLOW)
-        yield f"fast time {axis}", f"a pattern in time along {axis}", along * _course(v, FAST)
+        yield f"time {axis}", f"a smooth function of time along {axis}", along * course_cosines(v, SLOW)
+        yield f"fast time {axis}", f"a pattern in time along {axis}", along * course_cosines(v, FAST)
         yield (
             f"scale {axis}",
             f"a scale factor that changes in time along {axis}",
-            along**2 * _course(v, [*SLOW, *FAST]),
+            along**2 * course_cosines(v, [*SLOW, *FAST]),
         )
         curve = legendre.legvander(u[:, i], CURVE[-1])[:, CURVE[0] :]
         yield f"curve {axis}", f"a curve of the force along {axis}", along * curve
-        if _warms(v):
-            hot = thermal(v.time, _temperature(v))
+        if warms_up(v):
+            hot = thermal_polynomials(v.time, _temperature(v))
             yield f"temperature {axis}", f"a function of temperature along {axis}", along * hot
 
 
@@ -258,23 +266,23 @@ def shapes(o: Fit) -> dict[str, tuple[str, Array]]:
     """Bases (n, m) of the rivals that act on each accelerometer output."""
     v, s = o.view, o.view.stimulus
     orders = range(1, 11) if v.kind.in_positions else range(1, 21)
-    out = {"time": ("a smooth function of time", _course(v, orders))}
+    out = {"time": ("a smooth function of time", course_cosines(v, orders))}
     if o.view.kind.in_positions:
         places = np.unique(s.position)
         if len(places) <= PLACES:
             out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
-        out["orientation"] = ("a smooth function of the direction of gravity", polynomials(_along(v)))
+        out["orientation"] = ("a smooth function of the direction of gravity", polynomials(unit_force(v)))
         if s.since_move.max() > 0:
-            out["settling"] = ("a course of its own after each move", _settling(o))
+            out["settling"] = ("a course of its own after each move", settling_basis(o))
     else:
         phase = np.arctan2(s.force[:, 1], s.force[:, 0])
         out["orientation"] = ("harmonics of the sidereal angle", _waves(phase, range(2, 7)))
-    if _warms(v):
-        out["temperature"] = ("a function of temperature", thermal(s.time, _temperature(v)))
+    if warms_up(v):
+        out["temperature"] = ("a function of temperature", thermal_polynomials(s.time, _temperature(v)))
     return out
 
 
-def _settling(o: Fit) -> Array:
+def settling_basis(o: Fit) -> Array:
     """Forces, and their changes at the last move, dying away at three speeds within a dwell: a basis (n, up to 18)."""
     s = o.view.stimulus
     longest = float(s.since_move.max())
@@ -298,25 +306,25 @@ def polynomials(u: Array) -> Array:
     return np.stack(second + third, axis=-1)
 
 
-def thermal(time: Array, temperature: Array) -> Array:
+def thermal_polynomials(time: Array, temperature: Array) -> Array:
     """Legendre polynomials 2 to 5 of temperature, its smoothed rate, square and cube (n, 7)."""
     centred = temperature - temperature.mean()
     x = centred / (np.abs(centred).max() + 1e-12)
     poly = legendre.legvander(x, 5)[:, 2:]
     width = max(2.0, len(time) / 200)
-    rate = np.gradient(_smoothed(temperature, width), time)
+    rate = np.gradient(gaussian_smoothed(temperature, width), time)
     rate = rate / (np.abs(rate).max() + 1e-300)
     return np.concatenate([poly, np.stack([rate, rate**2, rate**3], axis=-1)], axis=1)
 
 
-def _smoothed(x: Array, width: float) -> Array:
+def gaussian_smoothed(x: Array, width: float) -> Array:
     """x (n,) through a Gaussian of so many rows, mirrored at its ends."""
     reach = int(4 * width + 0.5)
     bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
     return np.convolve(np.pad(x, reach, mode="symmetric"), bell / bell.sum(), mode="valid")
 
 
-def products(o: Fit) -> dict[str, tuple[str, list[Array]]]:
+def product_laws(o: Fit) -> dict[str, tuple[str, list[Array]]]:
     """Simple laws that nobody has written down yet, by family: words, and bases (n, 1 or 2), any one of which it is.
 
     A flexible shape cannot compete with a known cause that happens to look much like the truth; the truth itself can.
@@ -359,7 +367,7 @@ def high_harmonics(angle: Array) -> list[Array]:
     return out
 
 
-def settings(angle: Array) -> list[Array]:
+def settings_basis(angle: Array) -> list[Array]:
     """Basis (n, m) of an error that has a value of its own at each setting of a gimbal, if it has few settings."""
     angles, at = np.unique(np.round(np.mod(angle, 2 * np.pi), 3), return_inverse=True)
     return [np.eye(len(angles))[at]] if 3 <= len(angles) <= SETTINGS else []
@@ -375,13 +383,13 @@ def _above_second(angle: Array) -> Array:
     return np.asarray(U[:, S > 1e-2 * np.sqrt(len(angle))] * np.sqrt(len(angle)))
 
 
-def _along(v: View) -> Array:
+def unit_force(v: View) -> Array:
     """Unit force (n, 3)."""
     force = v.stimulus.force
     return np.asarray(force / np.linalg.norm(force, axis=-1, keepdims=True))
 
 
-def _course(v: View, orders: Sequence[int]) -> Array:
+def course_cosines(v: View, orders: Sequence[int]) -> Array:
     """Cosines over the recording (n, m)."""
     t = v.elapsed
     return np.asarray(np.cos(np.pi * np.outer(t / (t.max() or 1.0), orders)))
@@ -392,7 +400,7 @@ def _waves(angle: Array, orders: Sequence[int]) -> Array:
     return np.stack([f(k * angle) for k in orders for f in (np.cos, np.sin)], axis=-1)
 
 
-def _warms(v: View) -> bool:
+def warms_up(v: View) -> bool:
     return v.stimulus.temperature is not None and bool(np.ptp(v.stimulus.temperature) > 0)
 
 

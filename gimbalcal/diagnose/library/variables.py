@@ -44,15 +44,15 @@ class Variable:
 
 def variables(s: Stimulus, still: bool = False) -> tuple[Variable, ...]:
     """Return what varies in a recording, or stands `still` too, and may be the argument of a law."""
-    return tuple(v for v in _every(s) if still or varies(v))
+    return tuple(v for v in every_variable(s) if still or is_variable(v))
 
 
-def varies(v: Variable) -> bool:
+def is_variable(v: Variable) -> bool:
     """Return whether a variable is more than a constant in its rows."""
     return bool(np.ptp(v.x) > LEAST.get(v.group, 0.0))
 
 
-def joined(each: Sequence[Sequence[Variable]]) -> tuple[Variable, ...]:
+def joined_variables(each: Sequence[Sequence[Variable]]) -> tuple[Variable, ...]:
     """Return the variables that recordings share, rows one after the other; a channel's origin is that of all."""
     by_name = [{v.name: v for v in own} for own in each]
     shared = [[own[name] for own in by_name] for name in by_name[0] if all(name in own for own in by_name)]
@@ -60,24 +60,24 @@ def joined(each: Sequence[Sequence[Variable]]) -> tuple[Variable, ...]:
     for vs in (vs for vs in shared if len({(v.unit, v.group) for v in vs}) == 1):
         x = np.concatenate([v.x for v in vs])
         at = vs[0].reference if len({v.reference for v in vs}) == 1 else float(x.mean())
-        out.append(replace(vs[0], x=x, origin=_middle(x) if vs[0].group in CENTRED else 0.0, reference=at))
-    return tuple(v for v in out if varies(v))
+        out.append(replace(vs[0], x=x, origin=middle_value(x) if vs[0].group in CENTRED else 0.0, reference=at))
+    return tuple(v for v in out if is_variable(v))
 
 
-def _middle(x: Array) -> float:
+def middle_value(x: Array) -> float:
     return float(x.min() + x.max()) / 2
 
 
-def _every(s: Stimulus) -> list[Variable]:
+def every_variable(s: Stimulus) -> list[Variable]:
     out = list[Variable]()
     if s.true_angle is None:  # of a mount the angles say it
         out += [Variable(f"force_{a}", "g", s.force[:, i], f"s.force[:, {i}]", "force") for i, a in enumerate("xyz")]
-    out += [Variable(_plain(name), "rad", s.angle[:, i], f"angle(s, {name!r})", "angle")
+    out += [Variable(plain_name(name), "rad", s.angle[:, i], f"angle(s, {name!r})", "angle")
             for i, name in enumerate(s.axis_names)]  # fmt: skip
     if s.latitude is not None and set(s.axis_names) == {"azimuth", "elevation"}:
         out.append(Variable("parallactic_angle", "rad", s.parallactic_angle(), "s.parallactic_angle()", "angle"))
     out += [Variable(f"rate_{a}", "deg/s", s.rate[:, i], f"s.rate[:, {i}]", "rate") for i, a in enumerate("xyz")]
-    out += [Variable("time", "s", s.time, "s.time", "time", _middle(s.time))]
+    out += [Variable("time", "s", s.time, "s.time", "time", middle_value(s.time))]
     if s.visit[-1] > s.visit[0]:
         out += [Variable("since_move", "s", s.since_move, "s.since_move", "since")]
         out += _of_moves(s)
@@ -85,10 +85,10 @@ def _every(s: Stimulus) -> list[Variable]:
         needs, code = "temperature", "smoothed_rate(s.temperature, s.time, max(s.time) / 100)"
         T, course = s.temperature, smoothed_rate(s.temperature, s.time, float(np.max(s.time)) / 100)
         at = s.reference_temperature
-        out.append(Variable("temperature", "degC", T, "s.temperature", "logged", _middle(T), at, needs))
+        out.append(Variable("temperature", "degC", T, "s.temperature", "logged", middle_value(T), at, needs))
         out.append(Variable("temperature_rate", "degC/h", course, code, "course", needs=needs))
     out += [
-        Variable(_plain(name), "", x, f"s.covariates[{name!r}]", "logged", _middle(x), float(x.mean()),
+        Variable(plain_name(name), "", x, f"s.covariates[{name!r}]", "logged", middle_value(x), float(x.mean()),
                  f"covariate:{name}")
         for name, x in s.covariates.items()
     ]  # fmt: skip
@@ -101,8 +101,8 @@ def _of_moves(s: Stimulus) -> list[Variable]:
     for i, name in enumerate(s.axis_names):
         angle, code = np.round(s.move_angle[:, i], 6), f"moved(s, {name!r})"
         if len(np.unique(np.sign(angle))) > 1:
-            out.append(Variable(f"approach_{_plain(name)}", "", np.sign(angle), f"sign({code})", "move"))
-        out.append(Variable(f"{_plain(name)}_change", "rad", s.move_angle[:, i], code, "move"))
+            out.append(Variable(f"approach_{plain_name(name)}", "", np.sign(angle), f"sign({code})", "move"))
+        out.append(Variable(f"{plain_name(name)}_change", "rad", s.move_angle[:, i], code, "move"))
     if s.true_angle is None:
         for i, a in enumerate("xyz"):
             change, code = s.move_force[:, i], f"s.move_force[:, {i}]"
@@ -112,7 +112,7 @@ def _of_moves(s: Stimulus) -> list[Variable]:
     return out
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
     """A name that Python and sympy read as a symbol."""
     plain = "".join(c if c.isalnum() else "_" for c in name)
     bad = not plain.isidentifier() or keyword.iskeyword(plain) or plain in RESERVED or LETTER.fullmatch(plain)

@@ -21,7 +21,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import DETECTED
 from gimbalcal.diagnose.library.candidates import Candidate, Library
-from gimbalcal.diagnose.search.ranking import ABSENT, Ranking, Search, beside, log_priors, ranked_hypotheses
+from gimbalcal.diagnose.search.ranking import ABSENT, Ranking, Search, evidence_beside, log_priors, ranked_hypotheses
 from gimbalcal.number import Array
 
 Pairs = dict[tuple[int, ...], dict[int, float]]
@@ -45,7 +45,7 @@ class CombinedRanking(Ranking):
         return self.places
 
 
-def matched(searches: Sequence[Search]) -> tuple[tuple[Candidate, ...], Array]:
+def matched_candidates(searches: Sequence[Search]) -> tuple[tuple[Candidate, ...], Array]:
     """All candidates of all recordings, the same ones as one, and where each stands in each library."""
     groups: dict[tuple[tuple[str, ...], int], tuple[Candidate, dict[int, int]]] = {}
     for k, s in enumerate(searches):
@@ -60,14 +60,14 @@ def matched(searches: Sequence[Search]) -> tuple[tuple[Candidate, ...], Array]:
     return tuple(c for c, _ in kept), place
 
 
-def combine(searches: Sequence[Search]) -> Ranking:
+def combine_rankings(searches: Sequence[Search]) -> Ranking:
     """Rank singles, pairs and thirds over all views, every pair judged in every view that sees one of it.
 
     The ranking of one view is its own search.
     """
     if len(searches) == 1:
         return searches[0]
-    candidates, place = matched(searches)
+    candidates, place = matched_candidates(searches)
     prior = log_priors(candidates)
     c = CombinedRanking(Library(candidates, np.zeros((0, 0))), (), prior, tuple(searches), place)
     ln = c.summed([s.singles for s in searches])
@@ -99,9 +99,9 @@ def _with_second(
         if known := own[k].get(mine):
             ln[list(known)] = list(known.values())
         else:
-            ln[partners] = beside(s.projections, s.library, s.null, s.joint, mine, partners, keep)
+            ln[partners] = evidence_beside(s.projections, s.library, s.null, s.joint, mine, partners, keep)
         values.append(ln)
-        without.append(np.asarray(_alone(s, mine, keep)))
+        without.append(np.asarray(evidence_in_one(s, mine, keep)))
     return c.summed(values, without)
 
 
@@ -116,8 +116,8 @@ def _own_pairs(s: Search) -> Pairs:
     return out
 
 
-def _alone(s: Search, members: tuple[int, ...], keep: int) -> float:
+def evidence_in_one(s: Search, members: tuple[int, ...], keep: int) -> float:
     """ln BF of these members in one recording."""
     if len(members) == 1:
         return float(s.singles[members[0]])
-    return float(beside(s.projections, s.library, s.null, s.joint, members[:-1], members[-1:], keep)[0])
+    return float(evidence_beside(s.projections, s.library, s.null, s.joint, members[:-1], members[-1:], keep)[0])

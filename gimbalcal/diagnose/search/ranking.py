@@ -14,23 +14,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.noises import noises
+from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import BESIDE, CLAIM, DETECTED, OFTEN, PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.evidence.projection import (
     Projection,
     ReducedRows,
-    appended,
-    condition,
+    append_columns,
+    condition_on,
     each_size,
-    gather,
-    projected,
-    stack,
+    gather_evidence,
+    project_all,
+    stacked_rows,
 )
 from gimbalcal.diagnose.evidence.scale import Free
-from gimbalcal.diagnose.evidence.stated_noise import coloured
-from gimbalcal.diagnose.library.assemble import library as library_of
+from gimbalcal.diagnose.evidence.stated_noise import coloured_row_count
+from gimbalcal.diagnose.library.assemble import assemble_library as library_of
 from gimbalcal.diagnose.library.candidates import Candidate, Layout, Library, SelectedCause
-from gimbalcal.diagnose.search.refine import refine
+from gimbalcal.diagnose.search.refine import refine_constants
 from gimbalcal.diagnose.search.refit import channels_of
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.inference.algebra import logsumexp, orthonormal_columns
@@ -62,7 +62,7 @@ class Hypothesis:
         return any(candidates[i].rival for i in self.members)
 
 
-def total(hypotheses: Sequence[Hypothesis]) -> float:
+def total_weight(hypotheses: Sequence[Hypothesis]) -> float:
     """ln of the weights of some hypotheses together."""
     return float(logsumexp(np.array([h.ln_weight for h in hypotheses]))) if hypotheses else -np.inf
 
@@ -113,7 +113,7 @@ class Ranking:
     @property
     def ln_total(self) -> float:
         """ln Bayes factor of "something is missing" against nothing."""
-        return total(self.hypotheses)
+        return total_weight(self.hypotheses)
 
     @property
     def unknown(self) -> float:
@@ -190,7 +190,7 @@ def without_unclaimed(s: Ranking, best: Hypothesis) -> Hypothesis:
     return best
 
 
-def reduced(fit: Fit, X: Array, nodes: Sequence[Node], unit: float = 0.0) -> ReducedRows:
+def reduced_rows(fit: Fit, X: Array, nodes: Sequence[Node], unit: float = 0.0) -> ReducedRows:
     """Return the model, reduced columns X (R, P) and the data as rows, for these noises.
 
     Rows are in units of the noise of known scale; where it is not known in units of the rms misfit, or of `unit` [SI],
@@ -198,7 +198,7 @@ def reduced(fit: Fit, X: Array, nodes: Sequence[Node], unit: float = 0.0) -> Red
     """
     y, noise = fit.reduced(fit.residual[:, :, None]), fit.view.noise
     if noise.scale_known:
-        return stack(fit.reduced(fit.Z), X, y, coloured(fit, nodes))
+        return stacked_rows(fit.reduced(fit.Z), X, y, coloured_row_count(fit, nodes))
     unit = unit or rms_misfit(fit)
     Q = orthonormal_columns(fit.reduced(fit.jacobian))
     sample = 0.0
@@ -206,15 +206,15 @@ def reduced(fit: Fit, X: Array, nodes: Sequence[Node], unit: float = 0.0) -> Red
         sample = float(np.sqrt(np.mean(fit.view.of_scales().noise.weighted(noise.sample) ** 2))) / unit
         sample /= float(np.exp(np.mean(np.log(noise.scales or 1.0))))  # rows are divided by scales of the channels
     scale = Free(len(y) - Q.shape[1], sample, channels=channels_of(fit.view, unit))
-    return stack(Q, X / unit, y / unit, len(y), scale, unit)
+    return stacked_rows(Q, X / unit, y / unit, len(y), scale, unit)
 
 
 def projections_of(
     fit: Fit, X: Array, memory: bool = True, unit: float = 0.0, layout: Layout | None = None
 ) -> tuple[Projection, ...]:
     """Return reduced columns X (R, P), of candidates of a layout, beyond a model in each of its noises."""
-    every = noises(fit, memory)
-    return projected(every, reduced(fit, X, every, unit), layout=layout)
+    every = possible_noises(fit, memory)
+    return project_all(every, reduced_rows(fit, X, every, unit), layout=layout)
 
 
 def rms_misfit(fit: Fit) -> float:
@@ -229,21 +229,23 @@ def search(fit: Fit, candidates: Library | None = None, nodes: Sequence[Node] = 
     known scale constants are refined here, and candidates that the calibration takes up are left out; else a fit with
     all constants follows each round.
     """
-    library, nodes = candidates or library_of(fit), nodes or noises(fit)
-    rows = reduced(fit, library.X, nodes)
-    projections = projected(nodes, rows, layout=library.layout)
+    library, nodes = candidates or library_of(fit), nodes or possible_noises(fit)
+    rows = reduced_rows(fit, library.X, nodes)
+    projections = project_all(nodes, rows, layout=library.layout)
     if fit.view.noise.scale_known:
-        library = _visible(library, projections[0])  # the least noise of the grid: what it hides, they all hide
+        library = visible_candidates(
+            library, projections[0]
+        )  # the least noise of the grid: what it hides, they all hide
     factors = bayes_factors(projections, library.layout)
-    finer = refine(fit, library, projections, *factors[1:], rows) if fit.view.noise.scale_known else library
+    finer = refine_constants(fit, library, projections, *factors[1:], rows) if fit.view.noise.scale_known else library
     if finer is not library:
-        rows = appended(rows, library.X, finer.X[:, library.X.shape[1] :])
-        projections, library = projected(nodes, rows, projections), finer
+        rows = append_columns(rows, library.X, finer.X[:, library.X.shape[1] :])
+        projections, library = project_all(nodes, rows, projections), finer
         factors = bayes_factors(projections, library.layout)
-    return ranked(fit, library, rows, projections, factors)
+    return rank_hypotheses(fit, library, rows, projections, factors)
 
 
-def ranked(
+def rank_hypotheses(
     fit: Fit, library: Library, rows: ReducedRows, projections: tuple[Projection, ...], factors: Factors
 ) -> Search:
     """Rank singles, and pairs where a single cause is found wanting or none is found, from the factors of singles."""
@@ -251,7 +253,7 @@ def ranked(
     prior = log_priors(library.candidates, fit.view.kind)
 
     def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
-        return beside(projections, library, null, joint, members, seconds, keep)
+        return evidence_beside(projections, library, null, joint, members, seconds, keep)
 
     floor = float(joint.max() - logsumexp(null)) + float(prior.min())
     hypotheses, share = ranked_hypotheses(library.candidates, ln, prior, floor, gained)
@@ -261,17 +263,17 @@ def ranked(
 def ranked_hypotheses(
     candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float, gained: Gained
 ) -> tuple[tuple[Hypothesis, ...], Array]:
-    """Return singles, pairs and thirds, best first, and ln of the prior share (candidates,) of each alone; see `pairs`.
+    """Return singles, pairs and thirds (`promising_pairs`), best first, and ln of the prior share (candidates,) of one.
 
     ln (candidates,) is the ln Bayes factor of each alone.
     """
     share = prior + np.log([UNKNOWN if c.rival else SINGLE for c in candidates])
     singles = [Hypothesis((i,), float(ln[i]), float(ln[i] + share[i])) for i in range(len(ln))]
-    every = singles + pairs(candidates, ln, prior, floor, gained)
+    every = singles + promising_pairs(candidates, ln, prior, floor, gained)
     return tuple(sorted(every, key=lambda h: -h.ln_weight)), share
 
 
-def _visible(library: Library, p: Projection) -> Library:
+def visible_candidates(library: Library, p: Projection) -> Library:
     """Only candidates of which the calibration leaves something at ten times their plausible size."""
     norm = np.sqrt(p.G.diagonal)
     kept = [c for c in library.candidates if max(norm[list(v.index)].max() for v in c.variants) > VISIBLE]
@@ -286,11 +288,13 @@ def log_evidence(projections: Sequence[Projection]) -> Array:
 def bayes_factors(projections: Sequence[Projection], layout: Layout) -> Factors:
     """ln weight of no effect per node, ln BF of each candidate, and ln weight per node and candidate."""
     null = log_evidence(projections)
-    joint = gather(projections, layout) + null[:, None]
+    joint = gather_evidence(projections, layout) + null[:, None]
     return null, logsumexp(joint, axis=0) - logsumexp(null), joint
 
 
-def pairs(candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float, gained: Gained) -> list[Hypothesis]:
+def promising_pairs(
+    candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float, gained: Gained
+) -> list[Hypothesis]:
     """Second causes, known or unknown, beside each promising first one; thirds beside the best pair.
 
     `ln` (candidates,) is the ln Bayes factor of each alone, `prior` (candidates,) its ln share among the known or the
@@ -304,24 +308,24 @@ def pairs(candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float
     for i in known[:FIRST] if detected else known:
         values = gained((i,), seconds, KEEP if detected else KEEP_FEW)
         for j, value in zip(seconds, values, strict=True):
-            if j != i and not overlap(candidates, i, j):
+            if j != i and not candidates_overlap(candidates, i, j):
                 members = (i, j) if rival[j] else (min(i, j), max(i, j))
                 best[members] = max(best.get(members, -np.inf), float(value))
     out = []
     for (i, j), value in best.items():
         share = np.log(BESIDE if rival[j] else PAIR * 2) + prior[i] + prior[j]
         out.append(Hypothesis((i, j), value, value + float(share)))
-    return out + _thirds(candidates, prior, floor, gained, out) if detected else out
+    return out + promising_thirds(candidates, prior, floor, gained, out) if detected else out
 
 
-def overlap(candidates: Sequence[Candidate], i: int, j: int) -> bool:
+def candidates_overlap(candidates: Sequence[Candidate], i: int, j: int) -> bool:
     """Return whether two candidates are one effect on all its axes and on one of them, or with more and fewer terms."""
     one, other = candidates[i], candidates[j]
     shared = {p.label for p in one.parameters} & {p.label for p in other.parameters}
     return one.effect == other.effect and ("," in one.axis or "," in other.axis or bool(shared))
 
 
-def _thirds(
+def promising_thirds(
     candidates: Sequence[Candidate], prior: Array, floor: float, gained: Gained, hypotheses: Sequence[Hypothesis]
 ) -> list[Hypothesis]:
     top = max((h for h in hypotheses if not h.unknown(candidates)), key=lambda h: h.ln_weight, default=None)
@@ -333,27 +337,27 @@ def _thirds(
     return [
         Hypothesis((*top.members, j), float(ln[j]), float(ln[j] + share[j]))
         for j in range(len(ln))
-        if not any(j == i or overlap(candidates, i, j) for i in top.members)
+        if not any(j == i or candidates_overlap(candidates, i, j) for i in top.members)
     ]
 
 
-def beside(
+def evidence_beside(
     projections: Sequence[Projection], library: Library, null: Array, joint: Array,
     members: tuple[int, ...], seconds: Sequence[int], keep: int,
 ) -> Array:  # fmt: skip
     """ln BF against nothing of `members` with each of `seconds` in turn, over the `keep` weightiest noises."""
     nominal = int(np.argmax([p.node.prior for p in projections]))
-    weighty = weightiest(projections, joint[:, members[0]], keep - 1) | {nominal}
+    weighty = weightiest_noises(projections, joint[:, members[0]], keep - 1) | {nominal}
     hypotheses, gains = [], []
     for k, looser in itertools.product(sorted(weighty), projections[0].scale.looser):
         p, ln = given_all(projections[k], [library.candidates[i] for i in members], float(null[k]), looser)
         hypotheses.append(p)
         gains.append(ln)
-    rows = gather(hypotheses, library.layout)[:, seconds] + np.array(gains)[:, None]
+    rows = gather_evidence(hypotheses, library.layout)[:, seconds] + np.array(gains)[:, None]
     return np.asarray(logsumexp(rows, axis=0) - logsumexp(null))
 
 
-def weightiest(projections: Sequence[Projection], ln: Array, keep: int) -> set[int]:
+def weightiest_noises(projections: Sequence[Projection], ln: Array, keep: int) -> set[int]:
     """Return the ordinals of the `keep` noises of most weight, ln (nodes,); at other scales of channels those close."""
     other = np.array([bool(p.node.scales) for p in projections])
     best = np.argsort(-ln)
@@ -365,12 +369,12 @@ def weightiest(projections: Sequence[Projection], ln: Array, keep: int) -> set[i
 def given_all(p: Projection, causes: Sequence[Candidate], ln: float, looser: int = 0) -> tuple[Projection, float]:
     """Return the projection with all causes in the model, and `ln` with the ln BF that they gained."""
     for c in causes:
-        p, gained = given(p, c, looser)
+        p, gained = projection_given(p, c, looser)
         ln += gained
     return p, ln
 
 
-def given(p: Projection, c: Candidate, looser: int = 0) -> tuple[Projection, float]:
+def projection_given(p: Projection, c: Candidate, looser: int = 0) -> tuple[Projection, float]:
     """The projection with a cause in the model (its best variant and size), and the ln BF it gained.
 
     Where it has to be so many sizes `looser`, the ln BF is of that size alone.
@@ -380,7 +384,7 @@ def given(p: Projection, c: Candidate, looser: int = 0) -> tuple[Projection, flo
     best = int(np.argmax(logsumexp(each, axis=1)))
     size = min(int(np.argmax(each[best])) + looser, len(p.scale.sizes) - 1)
     ln = float(each[best, size] if looser else logsumexp(each))
-    return condition(p, np.array(c.variants[best].index), float(p.scale.sizes[size])), ln
+    return condition_on(p, np.array(c.variants[best].index), float(p.scale.sizes[size])), ln
 
 
 def selected_causes(s: Search, members: Sequence[int]) -> tuple[SelectedCause, ...]:
@@ -388,7 +392,7 @@ def selected_causes(s: Search, members: Sequence[int]) -> tuple[SelectedCause, .
     every = s.library.candidates
     best: tuple[float, tuple[SelectedCause, ...]] = (-np.inf, ())
     weight = s.joint[:, members[0]] if len(members) and s.joint.size else s.null  # none was ranked
-    for k in sorted(weightiest(s.projections, weight, len(s.null))):
+    for k in sorted(weightiest_noises(s.projections, weight, len(s.null))):
         p, null = s.projections[k], s.null[k]
         chosen = [(every[m], every[m].variants[0]) for m in members]
         for _ in range(2):

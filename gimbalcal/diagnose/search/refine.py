@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, any_size, extended
+from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, any_size, projection_of_columns
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, with_values
@@ -28,7 +28,7 @@ SECANTS = 8  # steps of size and calibration together; they settle in three or f
 BRANCHES = 3  # positions at which the sign of a force may turn out to be the other one
 
 
-def refine(
+def refine_constants(
     o: Fit, library: Library, projections: Sequence[Projection], total: Array, joint: Array, rows: ReducedRows
 ) -> Library:
     """Add finer values of the non-linear constants around the best of each promising candidate."""
@@ -41,7 +41,7 @@ def refine(
         if c.rival or total[i] < best - CLOSE - 0.2 * best:
             continue
         p = projections[int(np.argmax(joint[:, i]))]
-        refined = _narrowed(o, c, p, rows) if _continuous(c) else _relinearised(o, c, stated)
+        refined = narrowed_values(o, c, p, rows) if continuous_constants(c) else relinearised_candidate(o, c, stated)
         variants = list(c.variants)
         for v, X in refined:
             variants.append(replace(v, index=tuple(range(at, at + X.shape[1]))))
@@ -53,18 +53,18 @@ def refine(
     return Library(tuple(candidates), np.concatenate(blocks, axis=1))
 
 
-def _continuous(c: Candidate) -> list[Constant]:
+def continuous_constants(c: Candidate) -> list[Constant]:
     """Constants of the effect that can take any value."""
     return [f for f in constants(CATALOGUE[c.effect]) if not kind(f).counts]
 
 
-def _narrowed(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tuple[Variant, Array]]:
+def narrowed_values(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tuple[Variant, Array]]:
     """Finer values of each constant in turn about the best variant; as heavy together as it, then a third of that."""
     score = any_size(p, np.array([v.index for v in c.variants]))
     start = c.variants[int(np.argmax(score))]
     here = dict(start.constants)
-    fields = _continuous(c)
-    ranges = {f.name: _cell(c, f.name, here[f.name]) for f in fields}
+    fields = continuous_constants(c)
+    ranges = {f.name: neighbouring_values(c, f.name, here[f.name]) for f in fields}
     refined: list[tuple[Variant, Array]] = []
     best, share = float(max(score)), start.weight
     for _ in range(ROUNDS):
@@ -74,12 +74,12 @@ def _narrowed(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tu
             for value in np.clip(values_between(f, *ranges[f.name], FINE + 2)[1:-1], *limits(f, o.view.stimulus)):
                 there = {**here, f.name: float(value)}
                 X = columns_at(o, c, tuple(there.items()))
-                ln = float(any_size(extended(p, rows, X), np.arange(X.shape[1])))
+                ln = float(any_size(projection_of_columns(p, rows, X), np.arange(X.shape[1])))
                 refined.append((Variant(tuple(there.items()), (), share / FINE), X))
                 tried.append(ln)
                 if ln > best:
                     best, here = ln, there
-            ranges[f.name] = _shrunk(ranges[f.name], here[f.name])
+            ranges[f.name] = shrink_cell(ranges[f.name], here[f.name])
             flat = flat and float(np.ptp(tried or [0.0])) < FLAT
         share /= 3
         if flat:
@@ -87,19 +87,19 @@ def _narrowed(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tu
     return refined
 
 
-def _cell(c: Candidate, name: str, value: float) -> tuple[float, float]:
+def neighbouring_values(c: Candidate, name: str, value: float) -> tuple[float, float]:
     """Neighbouring grid values of one constant."""
     x = np.unique([dict(v.constants)[name] for v in c.variants])
     j = int(np.argmin(np.abs(x - value)))
     return float(x[max(j - 1, 0)]), float(x[min(j + 1, len(x) - 1)])
 
 
-def _shrunk(cell: tuple[float, float], value: float) -> tuple[float, float]:
+def shrink_cell(cell: tuple[float, float], value: float) -> tuple[float, float]:
     width = (cell[1] - cell[0]) / (FINE + 1)
     return value - width, value + width
 
 
-def _relinearised(o: Fit, c: Candidate, p: Projection) -> list[tuple[Variant, Array]]:
+def relinearised_candidate(o: Fit, c: Candidate, p: Projection) -> list[tuple[Variant, Array]]:
     """For an effect that bends with its own size: secants at the size and calibration that fit best with it.
 
     Near null, small angles decide the sign of a force, and with it the branch of a law such as a dead zone: angles of
@@ -113,12 +113,12 @@ def _relinearised(o: Fit, c: Candidate, p: Projection) -> list[tuple[Variant, Ar
     tangent = float(p.b[at, 0] / max(p.G.diagonal[at], 1e-12)) * c.parameters[0].sigma
     if tangent == 0.0:
         return []
-    best = _bent(o, c, p, Z, y, tangent, frozenset())
+    best = fit_by_secants(o, c, p, Z, y, tangent, frozenset())
     if best is None:
         return []
     tried = [best]
     for _ in range(BRANCHES):
-        bent = [_bent(o, c, p, Z, y, best.size, best.flipped | {i}) for i in best.doubtful - best.flipped]
+        bent = [fit_by_secants(o, c, p, Z, y, best.size, best.flipped | {i}) for i in best.doubtful - best.flipped]
         more = [b for b in bent if b is not None]
         tried += more
         better = min(more, key=lambda b: b.misfit, default=best)
@@ -139,7 +139,7 @@ class _Bent:
     column: Array
 
 
-def _bent(
+def fit_by_secants(
     o: Fit, c: Candidate, p: Projection, Z: Array, y: Array, size: float, flipped: frozenset[int]
 ) -> _Bent | None:
     """Size and calibration fitted together by secants, the force at some positions held on the other side of null.
@@ -149,7 +149,7 @@ def _bent(
     sigma, stage = c.parameters[0].sigma, CATALOGUE[c.effect].stage
     s = o.rows.seen[stage]
     for _ in range(SECANTS):
-        column = _secant(o, c, size, _other_side(s, c.axis, flipped, size))
+        column = secant_column(o, c, size, _other_side(s, c.axis, flipped, size))
         if not np.isfinite(column).all():
             return None
         A = np.concatenate([Z, p.node.whiten(o.reduced(column[:, :, None]))], axis=1)
@@ -158,10 +158,10 @@ def _bent(
         if root == 0.0 or abs(root - size) < 0.01 * abs(size):
             break
         size, s = root, shifted_stimulus(o, x[:-1], stage)
-    return _Bent(float(((y[:, 0] - A @ x) ** 2).sum()), size, flipped, _doubtful(s, c.axis, size), column)
+    return _Bent(float(((y[:, 0] - A @ x) ** 2).sum()), size, flipped, doubtful_positions(s, c.axis, size), column)
 
 
-def _doubtful(s: Stimulus, axis: str, size: float) -> frozenset[int]:
+def doubtful_positions(s: Stimulus, axis: str, size: float) -> frozenset[int]:
     """Positions at which the force along an axis is within three sizes of null."""
     inside = np.abs(s.force[:, "xyz".index(axis)]) < 3 * abs(size) if axis in "xyz" else np.zeros(len(s.time), bool)
     return frozenset(int(i) for i in np.unique(s.position[inside]))
@@ -177,7 +177,7 @@ def _other_side(s: Stimulus, axis: str, flipped: frozenset[int], size: float) ->
     return s.at(force=force)
 
 
-def _secant(o: Fit, c: Candidate, size: float, s: Stimulus) -> Array:
+def secant_column(o: Fit, c: Candidate, size: float, s: Stimulus) -> Array:
     """Column (n, C) per prior sigma of the change that this size of the parameter makes."""
     cls, names = CATALOGUE[c.effect], o.view.stimulus.axis_names
     none: Effect = absent_effect(c.effect, o.view.stimulus)

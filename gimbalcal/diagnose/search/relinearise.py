@@ -20,7 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.stated_noise import curved, scale_to_scatter
+from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter, setting_is_second_order
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Search
 from gimbalcal.diagnose.search.stepwise import SearchResult, stepwise
@@ -38,14 +38,14 @@ ROUNDS = 3  # the last one about angles and constants that are known to a few ar
 
 def about_settings(o: Fit) -> Fit:
     """Return the rows about the angles of each visit; unchanged where a setting is too small to curve anything."""
-    if o.view.kind.stabilised or not read_gimbals(o.view) or not curved(o):
+    if o.view.kind.stabilised or not read_gimbals(o.view) or not setting_is_second_order(o):
         return o
     for _ in range(ROUNDS):
-        o = _at(o, *_settings(o))
+        o = rows_about_corrections(o, *corrections_of_visits(o))
     return o
 
 
-def _settings(o: Fit) -> tuple[Array, Array, float]:
+def corrections_of_visits(o: Fit) -> tuple[Array, Array, float]:
     """Return corrections of the constants (q,) in prior sigmas and of the readouts (v, k) [rad] of each visit.
 
     The third value is the share of the variance by settings that remains in the rows.
@@ -64,7 +64,7 @@ def _settings(o: Fit) -> tuple[Array, Array, float]:
     return x[:q], x[q:].reshape(v, -1) * sigma, float((P[q:, q:] * normal).sum() / np.trace(normal))
 
 
-def _at(o: Fit, x: Array, delta: Array, remaining: float) -> Fit:
+def rows_about_corrections(o: Fit, x: Array, delta: Array, remaining: float) -> Fit:
     """Return rows about corrected constants and settings (delta (v, k) [rad]), its first order back in the residual."""
     names, scale, local = o.view.stimulus.axis_names, np.array([p.sigma for p in o.parameters]), o.view.local
     effects = with_values(o.effects, o.parameters, values(o.effects, o.parameters) + x * scale, names)

@@ -15,11 +15,11 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.correlated_noise import SINGLE_WALKS, TRIAD_WALKS
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.noises import noises
+from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.evidence.stated_noise import single_walks_of_stated_noise
-from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.search.ranking import Search, projections_of, search
 from gimbalcal.diagnose.search.stepwise import SearchResult, ln_odds, log_shares
 from gimbalcal.effects.process import RandomWalk
@@ -31,7 +31,7 @@ MOST = 12  # of these noises, the likeliest: each is as much work as one of the 
 CLOSE = 5.0  # nats behind the likeliest within which they count
 
 
-def wandering(s: Search) -> tuple[Node, ...]:
+def likely_wandering_noises(s: Search) -> tuple[Node, ...]:
     """The noises of one wandering accelerometer that are as likely as a twentieth of what was found, likeliest first.
 
     Where nothing was found in a static run, those that are 20 times as likely as all noises without one together, if it
@@ -39,10 +39,10 @@ def wandering(s: Search) -> tuple[Node, ...]:
     accelerometers are likelier there are none: what they leave keeps its shape.
     """
     walking = s.ln_total >= CLAIM
-    if not walking and (not s.fit.view.kind.stabilised or not _walks(s)):
+    if not walking and (not s.fit.view.kind.stabilised or not all_walk(s)):
         return ()
     nodes = single_walks_of_stated_noise(s.fit)
-    ln = weights(s, nodes)
+    ln = noise_weights(s, nodes)
     alone = np.array([bool(n.single_walk) for n in nodes])
     if not alone.any() or (not alone.all() and logsumexp(ln[~alone]) > logsumexp(ln[alone])):
         return ()
@@ -54,7 +54,7 @@ def wandering(s: Search) -> tuple[Node, ...]:
     return tuple(nodes[k] for k in likeliest_walks(ln))
 
 
-def _walks(s: Search) -> bool:
+def all_walk(s: Search) -> bool:
     """Return whether noises in which all accelerometers walk are likelier than those in which none does."""
     walk = np.array([
         any(q.N > 0 for q in p.node.noise["specific_force"] if isinstance(q, RandomWalk)) for p in s.projections
@@ -67,7 +67,7 @@ def likeliest_walks(ln: Array) -> list[int]:
     return [int(k) for k in np.argsort(-ln)[:MOST] if ln[k] > ln.max() - CLOSE]
 
 
-def weights(s: Search, nodes: Sequence[Node]) -> Array:
+def noise_weights(s: Search, nodes: Sequence[Node]) -> Array:
     """ln prior x likelihood (nodes,) of nothing missing in these noises."""
     none = np.zeros((len(s.rows.Q), 0))
     bare = {low: rows_like(s.rows, none, low) for low in {n.coloured for n in nodes}}
@@ -87,11 +87,11 @@ def wandering_in(c: SearchResult) -> tuple[View, float, float]:
         return v, -np.inf, -np.inf
     with_walks = replace(c.start, view=with_walks_of_sensors(v))
     every = projections_of(with_walks, np.zeros((c.start.residual.size, 0)))
-    names = {n.name: k for k, n in enumerate(noises(with_walks))}  # at whatever scales of the channels
+    names = {n.name: k for k, n in enumerate(possible_noises(with_walks))}  # at whatever scales of the channels
     ln = np.full(len(names), -np.inf)
     for p in every:
         ln[names[p.node.name]] = np.logaddexp(ln[names[p.node.name]], p.log_evidence())
-    walking = np.array([bool(n.noise) for n in noises(with_walks)])
+    walking = np.array([bool(n.noise) for n in possible_noises(with_walks)])
     total = float(logsumexp(ln[walking]) - logsumexp(ln[~walking]))
     causes = found_in(c)
     odds = total - causes
@@ -112,7 +112,7 @@ def with_walks_of_sensors(v: View, kept: Sequence[int] | None = None) -> View:
 
 def found_in(c: SearchResult) -> float:
     """Return the ln Bayes factor of all that a search found, and of what its last model leaves, against nothing."""
-    known = library(c.start)
+    known = assemble_library(c.start)
     anything = search(c.start, known).ln_total
     if not c.steps:
         return anything

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noises import noises
+from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
 from gimbalcal.diagnose.evidence.scale import NEAR_PRIOR, NEAR_SIZES, Free
-from gimbalcal.diagnose.library.assemble import constants_of, library
+from gimbalcal.diagnose.library.assemble import assemble_library, constants_of
 from gimbalcal.diagnose.library.candidates import Candidate, Library, SelectedCause, Variant
 from gimbalcal.diagnose.search.ranking import (
     bayes_factors,
@@ -21,9 +21,9 @@ from gimbalcal.diagnose.search.ranking import (
     rms_misfit,
     search,
     selected_causes,
-    total,
+    total_weight,
 )
-from gimbalcal.diagnose.search.refit import refit, start, with_columns, with_constants
+from gimbalcal.diagnose.search.refit import refit, start_with_baseline, with_columns, with_constants
 from gimbalcal.effects import values
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
@@ -93,25 +93,25 @@ def stepwise(v: View, progress: Progress) -> SearchResult:
     may explain more than any two of them. What every textbook of such a rig names is therefore tried at once too.
     Numbers without noise are not searched.
     """
-    first = start(v)
+    first = start_with_baseline(v)
     refuse_too_little(v.title, first.jacobian.reshape(first.residual.size, -1))
     if first.exact:
         return SearchResult(first, (), (), first)
-    return result_of(first, *selection(first, progress))
+    return result_of(first, *likeliest_selection(first, progress))
 
 
-def selection(first: Fit, progress: Progress) -> tuple[list[SelectedCause], list[SelectedCause]]:
+def likeliest_selection(first: Fit, progress: Progress) -> tuple[list[SelectedCause], list[SelectedCause]]:
     """Return the likeliest selection of causes from several starts, and what of the textbook's model is in it.
 
     As long as others are not in the model a strong cause in one channel passes for the noise of this channel, and the
     first of several may not show against it. Where channels have scales of their own, what is selected if all of them
     scatter alike is therefore a start too. At equal odds what every rig of the kind has is preferred.
     """
-    known = library(first)
+    known = assemble_library(first)
     share = log_shares(first.view, known)
     selected, standard = forward_select(first, (), progress), list[SelectedCause]()
     if selected:
-        usual = textbook(first, known)
+        usual = textbook_causes(first, known)
         lacking = {c.effect for c, _ in usual} - {c.effect for c, _ in selected}
         if begun := backward_eliminate(first, usual, progress) if lacking else []:
             progress("once more, from what every rig of the kind has")
@@ -122,7 +122,7 @@ def selection(first: Fit, progress: Progress) -> tuple[list[SelectedCause], list
         return selected, standard
     if first.view.noise.scales or with_causes(first, selected).view.noise.scales:
         progress("once more, as if all channels scattered alike")
-        begun, begun_standard = selection(start(first.view.of_one_scale()), progress)
+        begun, begun_standard = likeliest_selection(start_with_baseline(first.view.of_one_scale()), progress)
         if {c.key for c, _ in begun} - {c.key for c, _ in selected}:
             other = forward_select(first, begun, progress, keep_usual=bool(begun_standard))
             if ln_odds(first, other, share) > ln_odds(first, selected, share) + SWAP:
@@ -145,10 +145,12 @@ def forward_select(
         if best.ln_total < CLAIM or not best.named:
             break
         progress(f"selected: {', '.join(c.in_words for c, _ in best.causes)}")
-        selected = refine_constants(first, swap(first, [*selected, *best.causes], progress, keep_usual=keep_usual))
+        selected = refine_constants(
+            first, swap_causes(first, [*selected, *best.causes], progress, keep_usual=keep_usual)
+        )
         model = with_causes(first, selected)
     selected = backward_eliminate(first, selected, progress)
-    selected = swap(first, selected, progress, memory=True, keep_usual=keep_usual)
+    selected = swap_causes(first, selected, progress, memory=True, keep_usual=keep_usual)
     return backward_eliminate(first, refine_constants(first, selected), progress)
 
 
@@ -162,7 +164,7 @@ def refine_constants(first: Fit, selected: Sequence[SelectedCause]) -> list[Sele
     ]
 
 
-def textbook(first: Fit, known: Library) -> list[SelectedCause]:
+def textbook_causes(first: Fit, known: Library) -> list[SelectedCause]:
     """Return what every textbook of such a rig names and the baseline lacks, on all axes, as far as data support it.
 
     The model is linear: of what these rows hardly see a fit finds any size, far from where the model is linear.
@@ -232,7 +234,7 @@ def ln_normal(x: Array, C: Array) -> float:
     return float(-(x @ np.linalg.solve(C, x) + np.linalg.slogdet(2 * np.pi * C)[1]) / 2)
 
 
-def swap(
+def swap_causes(
     first: Fit, selected: Sequence[SelectedCause], progress: Progress, memory: bool = False, keep_usual: bool = False
 ) -> list[SelectedCause]:
     """Replace each cause in turn, or each that not every rig has, by another or by two that are likelier there."""
@@ -296,7 +298,7 @@ def result_of(
 
     What a known cause would explain gets no shape, unless causes have been `refused` already.
     """
-    steps, shapes = ordered(first, selected), list[Candidate]()
+    steps, shapes = order_by_explanation(first, selected), list[Candidate]()
     with_shapes = steps[-1].model if steps else first
     for _ in range(MAX_ROUNDS):
         rest = likeliest_missing(with_shapes, memory=True, shape=refused)
@@ -314,14 +316,14 @@ def likeliest_missing(model: Fit, memory: bool = False, against: Candidate | Non
     claim: together they may mimic what one shape says. With a shape in the model almost any cause seems needed, as it
     resembles a part of what the shape only sketches.
     """
-    s = search(model, nodes=noises(model, memory))
+    s = search(model, nodes=possible_noises(model, memory))
     every = s.library.candidates
     shapes = [h for h in s.hypotheses if all(every[i].rival for i in h.members)]
     known = [
         h for h in s.hypotheses if not h.unknown(every) and len({every[i].effect for i in h.members}) == len(h.members)
     ]
     several = bool(known) and len(known[0].members) > 1  # there is none where everything that could be is in the model
-    named = not (shape and shapes) and total(known) > total(shapes) + CLAIM * several
+    named = not (shape and shapes) and total_weight(known) > total_weight(shapes) + CLAIM * several
     best = known[0] if named else shapes[0]
     rival = [h.ln_weight for h in known if against and any(every[i].key == against.key for i in h.members)]
     lead = best.ln_weight - max(rival) if rival and named else 0.0
@@ -330,7 +332,7 @@ def likeliest_missing(model: Fit, memory: bool = False, against: Candidate | Non
     return Round(causes, best.ln_bayes, s.ln_total, named, columns, lead)
 
 
-def ordered(first: Fit, selected: Sequence[SelectedCause]) -> tuple[Step, ...]:
+def order_by_explanation(first: Fit, selected: Sequence[SelectedCause]) -> tuple[Step, ...]:
     """Return one step for each cause, the one that explains most first."""
     rest, steps = list(selected), list[Step]()
     while rest:
@@ -340,10 +342,10 @@ def ordered(first: Fit, selected: Sequence[SelectedCause]) -> tuple[Step, ...]:
     return tuple(steps)
 
 
-def refined(v: View, c: SearchResult) -> SearchResult:
+def refit_to_view(v: View, c: SearchResult) -> SearchResult:
     """Fit the same causes to another view of the same recording."""
-    first = start(v)
-    steps = ordered(first, c.causes)
+    first = start_with_baseline(v)
+    steps = order_by_explanation(first, c.causes)
     return SearchResult(first, steps, c.shapes, steps[-1].model if steps else first, c.standard)
 
 

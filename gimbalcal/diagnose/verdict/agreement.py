@@ -35,7 +35,7 @@ CLEAR = 3.0  # sigmas by which a constant that is named differs
 KNOWN = 0.5  # of its prior: a constant of less certainty is what the prior said
 
 
-def against(agreement: Agreement, name: str) -> str:
+def disagreement_sentence(agreement: Agreement, name: str) -> str:
     """Return a sentence on what speaks against one size of `name` in all recordings; "" for nothing."""
     if not agreement.combinations or agreement.p_value >= MIN_P_VALUE_OF_A_SIZE:
         return ""
@@ -104,14 +104,14 @@ def agreement_on_constants(each: Sequence[Information]) -> ConstantsAgreement:
     others = [solve(reduce(add, [i for j, i in enumerate(each) if j != k])) for k in range(len(each))]
     rises = [agreement_test(together, (alone[k], others[k])) for k in range(len(each))]
     odd = int(np.argmax([a.rise / max(a.combinations, 1) for a in rises])) if len(each) > 2 else 1
-    parameters, difference, sigma, rarest = _differences(others[odd], alone[odd])
+    parameters, difference, sigma, rarest = constant_differences(others[odd], alone[odd])
     p = min(1.0, 2 * min(shared.p_value, rarest * (len(each) if len(each) > 2 else 1)))
     return ConstantsAgreement(
         shared.rise, shared.combinations, p, odd if len(each) > 2 else -1, parameters, difference, sigma
     )
 
 
-def _differences(before: Solution, after: Solution) -> tuple[tuple[Parameter, ...], Array, Array, float]:
+def constant_differences(before: Solution, after: Solution) -> tuple[tuple[Parameter, ...], Array, Array, float]:
     """Return the constants that both know and that differ, the clearest first: after minus before, one sigma [SI].
 
     And the p-value of the clearest difference among all that both know.

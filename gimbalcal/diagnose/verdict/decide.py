@@ -4,7 +4,7 @@ r"""From probabilities to a verdict: what is claimed, what stands together, and 
 * a shape without a cause wins when its probability exceeds one half: then no cause is named by force, unless one
   carries nine tenths of the evidence by itself: then it is named, and the rest beside it as a shape;
 * a cause that leaves more than the stated noise is named, but is not sure;
-* causes that fit alike stand together: see `judgement`.
+* causes that fit alike stand together: see `judge_member`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, NEARLY, OUTSIDE, SURE, TOGETHER, UNSURE
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, given_all, without_unclaimed
-from gimbalcal.diagnose.verdict.judgement import Judgement, best_evidence, judgement
+from gimbalcal.diagnose.verdict.judgement import Judgement, best_evidence, judge_member
 from gimbalcal.number import Array
 
 
@@ -47,30 +47,30 @@ def decide(s: Ranking, threshold: float = CLAIM) -> Decision:
     if s.ln_total < max(CLAIM, threshold):
         return Decision("adequate")
     candidates = s.library.candidates
-    rest = _shapes(s) if s.unknown > 0.5 else ()
+    rest = likely_shapes(s) if s.unknown > 0.5 else ()
     named = (h for h in s.hypotheses if not h.unknown(candidates) and (not rest or len(h.members) == 1))
     known = next(named, None)
     if known is None or (rest and known.ln_bayes < NEARLY * max(h.ln_bayes for h in s.hypotheses)):
         return Decision("unexplained", shapes=rest, unknown=s.unknown)
-    best = _simplest(s, without_unclaimed(s, known))
+    best = simplest_axes(s, without_unclaimed(s, known))
     judgements = tuple(
-        judgement(s, member, others, best_evidence(s, others), bool(rest))
+        judge_member(s, member, others, best_evidence(s, others), bool(rest))
         for member in best.members
         for others in [tuple(i for i in best.members if i != member)]
     )
     sure = min(j.probability for j in judgements) >= SURE / 2 and not any(j.alike for j in judgements)
     d = Decision("missing-physics" if sure else "not-identifiable", best, judgements, rest, s.unknown)
-    if rest or strained(s, best.members) < CLAIM:
+    if rest or noise_gain(s, best.members) < CLAIM:
         return d
     return d.scaled(lambda p: UNSURE * p)
 
 
-def unnamed(s: Ranking) -> Decision:
+def decide_unnamed(s: Ranking) -> Decision:
     """Return the verdict that no cause of the catalogue explains it, with the shapes that are likeliest."""
-    return Decision("unexplained", shapes=_shapes(s), unknown=s.unknown)
+    return Decision("unexplained", shapes=likely_shapes(s), unknown=s.unknown)
 
 
-def bar(clean: Array) -> float:
+def claim_threshold(clean: Array) -> float:
     """Return the ln Bayes factor of a claim: 20 to one, and that of 99 % of clean recordings (draws,) of a design."""
     return max(float(CLAIM), float(np.quantile(clean, 0.99)))
 
@@ -80,7 +80,7 @@ def reported_probability(probability: float) -> float:
     return round(min(probability, 1 - OUTSIDE), 4)
 
 
-def strained(s: Ranking, members: Sequence[int]) -> float:
+def noise_gain(s: Ranking, members: Sequence[int]) -> float:
     """Return the ln likelihood that another noise than the stated one gains once these causes are in the model.
 
     A nearly correct model leaves a residual, which a larger noise variance absorbs; the stated one does not. The noise
@@ -100,7 +100,7 @@ def _gain_of_other_noise(s: Search, members: Sequence[int]) -> float:
     return max(likelihood) - likelihood[stated]
 
 
-def _simplest(s: Ranking, best: Hypothesis) -> Hypothesis:
+def simplest_axes(s: Ranking, best: Hypothesis) -> Hypothesis:
     """Return one axis instead of all, where the evidence for all is not 20 times larger."""
     c = s.library.candidates
     if len(best.members) != 1 or "," not in c[best.members[0]].axis:
@@ -110,7 +110,7 @@ def _simplest(s: Ranking, best: Hypothesis) -> Hypothesis:
     return min(few, key=lambda h: (len(c[h.members[0]].parameters), -h.ln_bayes))
 
 
-def _shapes(s: Ranking) -> tuple[int, ...]:
+def likely_shapes(s: Ranking) -> tuple[int, ...]:
     """Return the shapes by probability."""
     total: dict[int, float] = {}
     for h, w in zip(s.hypotheses, s.posterior(), strict=True):

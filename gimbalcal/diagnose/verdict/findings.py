@@ -19,11 +19,11 @@ from gimbalcal.diagnose.search.stepwise import (
     result_of,
     with_causes,
 )
-from gimbalcal.diagnose.verdict.agreement import against
+from gimbalcal.diagnose.verdict.agreement import disagreement_sentence
 from gimbalcal.diagnose.verdict.decide import Decision, reported_probability
 from gimbalcal.diagnose.verdict.joint_fit import JointFit
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
-from gimbalcal.diagnose.verdict.separation import advise
+from gimbalcal.diagnose.verdict.separation import advise_manoeuvre
 from gimbalcal.diagnose.verdict.verify import held_out_misfit, row_sigma
 from gimbalcal.effects import CATALOGUE, Parameter, values
 from gimbalcal.effects.effect import constants
@@ -40,7 +40,7 @@ SERIES = 3.0  # times the whole misfit, that one of several causes may be
 SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
 
 
-def confirmed(c: SearchResult, progress: Progress) -> tuple[SearchResult, list[Judgement]]:
+def confirm_causes(c: SearchResult, progress: Progress) -> tuple[SearchResult, list[Judgement]]:
     """Remove causes that something else is likelier to be, and select that in their place; judge those that remain.
 
     Where the replacement has been refused as well, the misfit is left to a shape: a misfit beyond the noise does not
@@ -51,14 +51,14 @@ def confirmed(c: SearchResult, progress: Progress) -> tuple[SearchResult, list[J
     if c.start.exact:
         return c, []
     if not c.steps and not c.shapes:
-        c = _replaced(c, (), refused, progress)
+        c = search_with_replacement(c, (), refused, progress)
     while True:
-        if series := cancelling(c):
+        if series := cancelling_causes(c):
             progress(
                 f"{', '.join(cause.label for cause, _ in series)}: larger than the whole misfit, as terms of a series"
             )
             refused |= {cause.key for cause, _ in series}
-            c = _replaced(c, [cause for cause in c.causes if cause not in series], refused, progress)
+            c = search_with_replacement(c, [cause for cause in c.causes if cause not in series], refused, progress)
             continue
         progress("comparing each cause with what else could stand in its place")
         try:
@@ -79,7 +79,7 @@ def confirmed(c: SearchResult, progress: Progress) -> tuple[SearchResult, list[J
         progress(f"{refusal.in_words} is not named: {why}")
         refused.add(refusal.key)
         kept = [cause for cause in c.causes if cause[0] is not refusal]
-        c = _replaced(c, kept, refused, progress)
+        c = search_with_replacement(c, kept, refused, progress)
 
 
 def worsening_cause(c: SearchResult, verdicts: Sequence[Judgement]) -> Candidate | None:
@@ -104,7 +104,9 @@ def worsening_cause(c: SearchResult, verdicts: Sequence[Judgement]) -> Candidate
     return None
 
 
-def _replaced(c: SearchResult, kept: Sequence[SelectedCause], refused: set[Key], progress: Progress) -> SearchResult:
+def search_with_replacement(
+    c: SearchResult, kept: Sequence[SelectedCause], refused: set[Key], progress: Progress
+) -> SearchResult:
     """Return the search with these causes and what is likeliest with them, unless that has been refused."""
     best = likeliest_missing(with_causes(c.start, kept), memory=True)
     new = best.causes if best.ln_total >= CLAIM and best.named else ()
@@ -114,7 +116,7 @@ def _replaced(c: SearchResult, kept: Sequence[SelectedCause], refused: set[Key],
     return result_of(c.start, kept, [cause for cause in c.standard if cause in kept], refused=bool(refused))
 
 
-def cancelling(c: SearchResult) -> list[SelectedCause]:
+def cancelling_causes(c: SearchResult) -> list[SelectedCause]:
     """Return causes that not every rig has, each of them much larger than the misfit that all of them explain together.
 
     What is a few arcsec of a law that has no name here is also the difference of a hundred of one pattern and of the
@@ -163,8 +165,8 @@ def finding_of_view(m: Fit, j: Judgement) -> Finding:
         replace(Estimate.of(p, x, max(s, j.spread)), name=p.field, axis="")
         for p, x, s in constants_with_sigma(m, e)  # whole numbers, which no fit moves
     ]
-    axis = j.cause.axis if m.view.added is None else _element(j.cause.axis, rows)
-    return _entry(j, axis, j.significance or 0.0, rows, _cards(j))
+    axis = j.cause.axis if m.view.added is None else sensor_element(j.cause.axis, rows)
+    return finding_entry(j, axis, j.significance or 0.0, rows, advice_of_cards(j))
 
 
 def findings_of_recordings(c: Ranking, d: Decision, joint: JointFit) -> tuple[Finding, ...]:
@@ -177,16 +179,16 @@ def findings_of_recordings(c: Ranking, d: Decision, joint: JointFit) -> tuple[Fi
         rows = _estimates(j.cause.parameters, *joint.size(ordinal))
         rows += [replace(Estimate.of(p, x, s), name=p.field, axis="") for p, x, s in joint.chosen_constants(ordinal)]
         significance = float(np.sqrt(sum(p.significance(ordinal) ** 2 for p in joint.parts)))
-        named = _entry(j, _axes_of(j), significance, rows, _experiment(c, d, joint, ordinal))
+        named = finding_entry(j, _axes_of(j), significance, rows, separating_experiment(c, d, joint, ordinal))
         if len(joint.parts) > 1:
             a, words = joint.agreement_on(ordinal), cause_in_words(named.effect, named.axis)
-            agree = SizeAgreement(round(a.rise, 3), a.combinations, a.p_value, against(a, words))
-            named = replace(named, recordings=_sizes(joint, ordinal), agreement=agree)
+            agree = SizeAgreement(round(a.rise, 3), a.combinations, a.p_value, disagreement_sentence(a, words))
+            named = replace(named, recordings=sizes_by_recording(joint, ordinal), agreement=agree)
         out.append(named)
     return tuple(out)
 
 
-def _sizes(joint: JointFit, ordinal: int) -> tuple[RecordingSize, ...]:
+def sizes_by_recording(joint: JointFit, ordinal: int) -> tuple[RecordingSize, ...]:
     """Return the size that each recording gives a cause."""
     out = []
     wanted = joint.causes[ordinal].parameters
@@ -197,7 +199,7 @@ def _sizes(joint: JointFit, ordinal: int) -> tuple[RecordingSize, ...]:
     return tuple(out)
 
 
-def _experiment(c: Ranking, d: Decision, joint: JointFit, ordinal: int) -> str:
+def separating_experiment(c: Ranking, d: Decision, joint: JointFit, ordinal: int) -> str:
     """Return what would separate a cause from the one most like it, in the recording that shows it best."""
     for fits in d.judgements[ordinal].alike[:1]:
         alike = next(i for i, one in enumerate(c.library.candidates) if one is fits)
@@ -208,14 +210,14 @@ def _experiment(c: Ranking, d: Decision, joint: JointFit, ordinal: int) -> str:
             size = joint.size(ordinal)[0] / np.array([p.sigma for p in cause[0].parameters])
             (at,) = c.within((alike,), k)
             other = s.library.candidates[at]
-            a = advise(s.fit, cause, size, other)
+            a = advise_manoeuvre(s.fit, cause, size, other)
             return separation_advice(
                 a.words, a.hours, a.ln_bayes, without_underscores(cause[0].effect), without_underscores(other.effect)
             )
     return ""
 
 
-def _entry(j: Judgement, axis: str, significance: float, estimates: Sequence[Estimate], advice: str) -> Finding:
+def finding_entry(j: Judgement, axis: str, significance: float, estimates: Sequence[Estimate], advice: str) -> Finding:
     """Return the finding of a claimed cause on an axis: sizes, what fits alike, and how to separate them."""
     probability = reported_probability(j.probability)
     return Finding(j.cause.effect, axis, probability, round(significance, 2), tuple(estimates), j.confounded, advice)
@@ -227,14 +229,14 @@ def _axes_of(j: Judgement) -> str:
     return " / ".join(a for n, a in enumerate(axes) if not any(a in b for b in axes[:n]))
 
 
-def _element(axis: str, rows: Sequence[Estimate]) -> str:
+def sensor_element(axis: str, rows: Sequence[Estimate]) -> str:
     """Sensor and partner, "xz", where of a sensor's several parameters one alone differs from zero."""
     shown = [str(r.axis) for r in rows if abs(r.value) > SHOWN * r.sigma]
     vague = any(HIDDEN * r.sigma < abs(r.value) <= SHOWN * r.sigma for r in rows)
     return shown[0] if len(shown) == 1 and not vague and len(axis) == 1 and shown[0].startswith(axis) else axis
 
 
-def _cards(j: Judgement) -> str:
+def advice_of_cards(j: Judgement) -> str:
     """Return what would show the one and not the other, by the cards of the effects."""
     if not j.confounded:
         return ""

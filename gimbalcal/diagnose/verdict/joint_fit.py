@@ -159,20 +159,20 @@ class RecordingPart:
 def parts_of(c: Ranking, members: Sequence[int]) -> tuple[RecordingPart, ...]:
     """Return each recording with the causes that it shows, fitted to it, and their constants common to all."""
     own = [fit_causes(s, c.within(members, k)) for k, s in enumerate(c.searches)]
-    common = [_common(c, members, j, own) for j in range(len(members))]
+    common = [common_constants(c, members, j, own) for j in range(len(members))]
     out = []
     for k in range(len(c.searches)):
-        ordinals = _ordinals(c, members, k)
+        ordinals = ordinals_in_recording(c, members, k)
         shared = (common[j] or chosen.constants for j, (_, chosen) in zip(ordinals, own[k].causes, strict=True))
         out.append(RecordingPart(own[k], ordinals, tuple(shared)))
     return tuple(out)
 
 
-def _ordinals(c: Ranking, members: Sequence[int], recording: int) -> tuple[int, ...]:
+def ordinals_in_recording(c: Ranking, members: Sequence[int], recording: int) -> tuple[int, ...]:
     return tuple(j for j, m in enumerate(members) if recording in c.sees(m))
 
 
-def _common(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCauses]) -> Constants:
+def common_constants(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCauses]) -> Constants:
     """The constants of member j, of all that any recording tried, at which all fit best; none where one recording is.
 
     What follows its size by secants has none.
@@ -184,7 +184,7 @@ def _common(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCaus
     tried = list(dict.fromkeys(v.constants for one in candidates.values() for v in one.variants))
     total = np.zeros(len(tried))
     for k, one in candidates.items():
-        s, n = c.searches[k], _ordinals(c, members, k).index(j)
+        s, n = c.searches[k], ordinals_in_recording(c, members, k).index(j)
         rest = own[k].columns_of_others(n)
         columns = [columns_at(s.fit, one, at) for at in tried]
         X = np.concatenate([s.library.X[:, rest], *columns], axis=1)
@@ -309,7 +309,9 @@ class JointFit:
     @cached_property
     def between(self) -> ConstantsAgreement | None:
         """The agreement of several recordings on the constants of the unit; None for one."""
-        return agreement_on_constants(_carried(self.parts, self.each, self.wide)) if len(self.each) > 1 else None
+        return (
+            agreement_on_constants(shared_information(self.parts, self.each, self.wide)) if len(self.each) > 1 else None
+        )
 
     def calibration(self, known: Calibration | None) -> Calibration:
         """Return the fit as a calibration; known: that which the diagnosis started from.
@@ -338,7 +340,7 @@ class JointFit:
             residual=Residual(self.solution.chi2, self.solution.dof, self._rms()),
             outcome=self.outcome,
             provenance=replace(
-                origin(views, [c.label for c in self.causes]),
+                provenance_of_fit(views, [c.label for c in self.causes]),
                 agreement=self.between.to_dict() if self.between else None,
             ),
             readout=Readout(gimbals=views[0].readout.gimbals),
@@ -364,11 +366,13 @@ def joint_fit(parts: Sequence[RecordingPart], causes: Sequence[Candidate]) -> Jo
 
     Each recording is linearised about its own least squares.
     """
-    wide = _wide(parts)
+    wide = wide_priors(parts)
     alone = [_least_squares(part, wide) for part in parts]
     each, solution = tuple(one.information for one in alone), alone[0].solution
     if len(parts) > 1:
-        solution = _with_sizes(solve(reduce(add, _carried(parts, each, wide))), _pooled(parts, each, wide))
+        solution = _with_sizes(
+            solve(reduce(add, shared_information(parts, each, wide))), pool_causes(parts, each, wide)
+        )
     narrow, names = {w: p for p, w in wide.items()}, parts[0].search.fit.view.stimulus.axis_names
     solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
     value = dict(zip(solution.parameters, solution.x, strict=True))
@@ -424,7 +428,7 @@ def _least_squares(part: RecordingPart, wide: Mapping[Parameter, Parameter]) -> 
     return _LeastSquares(solution, with_values(model, wanted, solution.x, s.axis_names), info, bool(steps))
 
 
-def _pooled(
+def pool_causes(
     parts: Sequence[RecordingPart], each: Sequence[Information], wide: Mapping[Parameter, Parameter]
 ) -> Solution:
     """Return the causes by all recordings, the constants of the model free in each.
@@ -448,7 +452,7 @@ def _smooth_constants(each: Sequence[Information]) -> dict[Parameter, float]:
     return dict(zip(solution.parameters, map(float, solution.x), strict=True))
 
 
-def _carried(
+def shared_information(
     parts: Sequence[RecordingPart], each: Sequence[Information], wide: Mapping[Parameter, Parameter]
 ) -> list[Information]:
     """Return the information of each of several recordings about what holds in the others as well."""
@@ -466,7 +470,7 @@ def _with_sizes(s: Solution, causes: Solution) -> Solution:
     return replace(s, x=s.x + K @ (causes.x - s.x[c]), covariance=(covariance + covariance.T) / 2)
 
 
-def _wide(parts: Sequence[RecordingPart]) -> dict[Parameter, Parameter]:
+def wide_priors(parts: Sequence[RecordingPart]) -> dict[Parameter, Parameter]:
     """Return the parameters of causes with the priors of this fit: wide about zero, of constants about their start."""
     out: dict[Parameter, Parameter] = {}
     for part in parts:
@@ -491,7 +495,7 @@ def _is_constant(p: Parameter) -> bool:
     return p.field in {f.name for f in constants(CATALOGUE[p.effect])}
 
 
-def origin(views: Sequence[View], causes: Sequence[str]) -> Provenance:
+def provenance_of_fit(views: Sequence[View], causes: Sequence[str]) -> Provenance:
     """Return the provenance of a calibration of a diagnosis, with the files behind the views."""
     recordings = list(dict.fromkeys(v.source for v in views))
     return Provenance(

@@ -21,11 +21,11 @@ from gimbalcal.diagnose.search.ranking import (
     Search,
     given_all,
     projections_of,
-    reduced,
+    reduced_rows,
     rms_misfit,
     search,
     selected_causes,
-    weightiest,
+    weightiest_noises,
 )
 from gimbalcal.diagnose.search.refit import refit
 from gimbalcal.diagnose.search.stepwise import needed_evidence
@@ -65,20 +65,20 @@ class Judgement:
         )  # fmt: skip
 
 
-def judgement(s: Ranking, member: int, others: Sequence[int], scores: Array, with_rest: bool = False) -> Judgement:
+def judge_member(s: Ranking, member: int, others: Sequence[int], scores: Array, with_rest: bool = False) -> Judgement:
     """Return what fits alike in the place of a member beside others, and the probability of all of these causes.
 
     scores (candidates,): `best_evidence` beside the others; with_rest: a shape is claimed as well.
     """
     p, candidates = s.posterior(), s.library.candidates
     alike = fits_alike(s, member, others, scores)
-    if not with_rest and _probability(s, p, (member, *alike)) < SURE:
-        alike = _widened(s, p, member, alike, others)
-    probability = _probability(s, p, (member, *alike), with_rest)
+    if not with_rest and probability_of_any(s, p, (member, *alike)) < SURE:
+        alike = widen_alternatives(s, p, member, alike, others)
+    probability = probability_of_any(s, p, (member, *alike), with_rest)
     return Judgement(candidates[member], probability, tuple(candidates[i] for i in alike))
 
 
-def _probability(s: Ranking, p: Array, alike: Sequence[int], with_rest: bool = False) -> float:
+def probability_of_any(s: Ranking, p: Array, alike: Sequence[int], with_rest: bool = False) -> float:
     """Return the probability of all hypotheses that contain one of these causes: without a shape, or with one.
 
     A law that leaves a residual may be another law much like it, so with a residual no cause is sure.
@@ -103,10 +103,10 @@ def fits_alike(s: Ranking, member: int, beside: Sequence[int], scores: Array) ->
         for i in np.argsort(-scores)
         if scores[i] > scores[member] - TOGETHER and not candidates[i].rival and i not in beside
     ]
-    return _distinct(candidates, member, alike)
+    return distinct_candidates(candidates, member, alike)
 
 
-def _distinct(candidates: Sequence[Candidate], member: int, alike: Sequence[int]) -> tuple[int, ...]:
+def distinct_candidates(candidates: Sequence[Candidate], member: int, alike: Sequence[int]) -> tuple[int, ...]:
     """Return one candidate per id, other than the member's own."""
     out: dict[str, int] = {}
     for i in alike:
@@ -115,7 +115,9 @@ def _distinct(candidates: Sequence[Candidate], member: int, alike: Sequence[int]
     return tuple(out.values())
 
 
-def _widened(s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: Sequence[int]) -> tuple[int, ...]:
+def widen_alternatives(
+    s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: Sequence[int]
+) -> tuple[int, ...]:
     """Add the next likely causes until the set is sure or has three."""
     candidates = s.library.candidates
     for h, share in zip(s.hypotheses, p, strict=True):
@@ -124,10 +126,10 @@ def _widened(s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: 
         extra = [i for i in h.members if i not in beside]
         if len(h.members) != len(beside) + 1 or h.unknown(candidates) or len(extra) != 1:
             continue
-        if len(alike) >= MAX_ALTERNATIVES - 1 or _probability(s, p, (member, *alike)) >= SURE:
+        if len(alike) >= MAX_ALTERNATIVES - 1 or probability_of_any(s, p, (member, *alike)) >= SURE:
             break
-        alike = (*alike, *_distinct(candidates, member, [i for i in extra if i not in alike]))
-        alike = _distinct(candidates, member, alike)
+        alike = (*alike, *distinct_candidates(candidates, member, [i for i in extra if i not in alike]))
+        alike = distinct_candidates(candidates, member, alike)
     return alike
 
 
@@ -144,7 +146,7 @@ def best_evidence(s: Ranking, others: Sequence[int] = ()) -> Array:
 def _evidence_of_any_size(s: Search, others: Sequence[int]) -> Array:
     """Return the same of one recording, noise integrated over."""
     rows = []
-    for k in sorted(weightiest(s.projections, np.maximum(s.joint.max(axis=1), s.null), len(s.null))):
+    for k in sorted(weightiest_noises(s.projections, np.maximum(s.joint.max(axis=1), s.null), len(s.null))):
         here, gained = given_all(s.projections[k], [s.library.candidates[i] for i in others], 0.0)
         rows.append(at_best(here, s.library.layout) + s.null[k] + gained)
     return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
@@ -195,7 +197,7 @@ def judged_without(end: Fit, taken: Candidate) -> Judgement:
     s = search(without)
     known = s.library.candidates
     at = next(i for i, c in enumerate(known) if c.key == taken.key)
-    j = judgement(s, at, (), best_evidence(s), s.unknown > 0.5)
+    j = judge_member(s, at, (), best_evidence(s), s.unknown > 0.5)
     probability = 0.0 if s.ln_total < needed_evidence(end, taken) else j.probability
     ((_, variant),) = selected_causes(s, (at,))
     sigma = _significance(without, end, s.library.X[:, list(variant.index)])
@@ -227,7 +229,7 @@ def _significance(without: Fit, end: Fit, X: Array) -> float:
     """Return the significance of reduced columns X (R, p) that a model lacks, in the likeliest noise with them."""
     unit = rms_misfit(end)
     best = max(projections_of(end, X[:, :0], unit=unit), key=Projection.log_evidence)
-    rows = reduced(without, X, (best.node,), unit)
+    rows = reduced_rows(without, X, (best.node,), unit)
     # without the cause the rows have been divided by other scales of the channels
     other = np.array(end.view.noise.scales or 1.0) / np.array(without.view.noise.scales or 1.0)
     taken = project(best.node.rescaled(other), rows).explained(range(X.shape[-1]))

@@ -15,7 +15,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, log_bayes
-from gimbalcal.diagnose.library.assemble import free_rows, spans
+from gimbalcal.diagnose.library.assemble import free_rows, orthonormal_basis
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.result import Mismatch
@@ -64,7 +64,7 @@ class Scan:
         return float(self.p_values.min(initial=1.0))
 
 
-def scan(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, explained: Array | None = None) -> Scan:
+def scan_data(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, explained: Array | None = None) -> Scan:
     """Scan the data (or what is left beside `explained` columns (R, p)) in one noise."""
     Q = rows.Q if explained is None or not explained.shape[1] else _with_explained(rows.Q, explained)
     fitted = np.linalg.qr(node.whiten(Q))[0]
@@ -72,16 +72,16 @@ def scan(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, explai
     data -= fitted @ (fitted.T @ data)
     cells: list[Cell] = []
     scores, ranks = [np.zeros((0, 1 + DRAWS))], [np.zeros(0)]
-    for batch, X in _cells(o):
-        score, rank = _scores(_cleared(node.whiten(X), fitted), data, len(batch))
+    for batch, X in scan_cells(o):
+        score, rank = cell_scores(cleared_columns(node.whiten(X), fitted), data, len(batch))
         cells += batch
         scores.append(score)
         ranks.append(rank)
     all_scores, dof = np.concatenate(scores), np.concatenate(ranks)
     statistic = all_scores[:, 0]
-    tails = _tail(statistic, dof)
+    tails = tail_probability(statistic, dof)
     # of all cells of so many degrees of freedom, the largest statistic has the least tail
-    least = np.min([_tail(all_scores[dof == k, 1:].max(axis=0), k) for k in np.unique(dof)], axis=0)
+    least = np.min([tail_probability(all_scores[dof == k, 1:].max(axis=0), k) for k in np.unique(dof)], axis=0)
     family = (1 + (least[None, :] <= tails[:, None]).sum(axis=1)) / (1 + DRAWS)
     # beyond the draws: Sidak's bound over as many independent cells as the simulated minimum behaves like
     effective = max(1.0, float(np.log(0.5) / np.log1p(-np.clip(np.median(least), 1e-12, 0.5))))
@@ -94,7 +94,7 @@ def _with_explained(Q: Array, X: Array) -> Array:
     return np.concatenate([Q, orthonormal((X - Q @ (Q.T @ X)) / np.abs(X).max())], axis=1)
 
 
-def _cleared(X: Array, fitted: Array) -> Array:
+def cleared_columns(X: Array, fitted: Array) -> Array:
     """Whitened X (R, p) cleared of orthonormal columns, and zero where nothing but rounding is left."""
     size = (X**2).sum(axis=0)
     for _ in range(2):  # once more for what rounding left
@@ -102,13 +102,13 @@ def _cleared(X: Array, fitted: Array) -> Array:
     return np.asarray(X * ((X**2).sum(axis=0) > HELD * size))
 
 
-def _tail(statistic: Array, dof: Array | float) -> Array:
+def tail_probability(statistic: Array, dof: Array | float) -> Array:
     from scipy.special import gammaincc
 
     return np.asarray(np.where(dof > 0, gammaincc(np.maximum(dof, 1) / 2, statistic / 2), 1.0))
 
 
-def _scores(X: Array, data: Array, cells: int) -> tuple[Array, Array]:
+def cell_scores(X: Array, data: Array, cells: int) -> tuple[Array, Array]:
     """Misfit (cells, m) of white data (R, m) that each cell's columns, equal parts of X (R, p), take away; ranks."""
     X = X.reshape(len(X), cells, -1)
     G = np.einsum("rci,rcj->cij", X, X)
@@ -118,11 +118,11 @@ def _scores(X: Array, data: Array, cells: int) -> tuple[Array, Array]:
     return np.asarray((b * (np.linalg.pinv(G, rcond=RANK, hermitian=True) @ b)).sum(axis=1)), rank
 
 
-def _cells(o: Fit) -> Iterator[tuple[list[Cell], Array]]:
+def scan_cells(o: Fit) -> Iterator[tuple[list[Cell], Array]]:
     """Cells, and in equal parts their reduced columns (R, p): a few at a time, as of positions there may be many."""
     cells: list[Cell] = []
     columns: list[Array] = []
-    for where, words, pattern in _patterns(o):
+    for where, words, pattern in scan_patterns(o):
         w = pattern.shape[1]
         if columns and (w != columns[0].shape[1] // len(o.view.channels) or w * len(cells) >= CHUNK):
             yield cells, np.concatenate(columns, axis=1)
@@ -135,7 +135,7 @@ def _cells(o: Fit) -> Iterator[tuple[list[Cell], Array]]:
     yield cells, np.concatenate(columns, axis=1)
 
 
-def _patterns(o: Fit) -> Iterator[tuple[Json, str, Array]]:
+def scan_patterns(o: Fit) -> Iterator[tuple[Json, str, Array]]:
     """Functions (n, m) of row to be scanned in every channel."""
     s = o.view.stimulus
     t = s.time / s.time[-1]
@@ -153,7 +153,7 @@ def _patterns(o: Fit) -> Iterator[tuple[Json, str, Array]]:
         for n in (1, 2, 3):
             basis = np.stack([np.cos(n * phase), np.sin(n * phase)], axis=-1)
             yield {"harmonic": n}, f"at the {_ordinal(n)} harmonic of the sidereal turn", basis
-        yield from _lines(o)
+        yield from strongest_periods(o)
     yield {"time": "trend"}, "as a trend in time", _column(t)
     yield {"time": "slow"}, "slowly in time", np.cos(np.pi * np.outer(t, np.arange(1, 6)))
     if s.temperature is not None:
@@ -162,7 +162,7 @@ def _patterns(o: Fit) -> Iterator[tuple[Json, str, Array]]:
         yield {"covariate": name}, f"with {name}", _column(x - x.mean())
 
 
-def _lines(o: Fit) -> list[tuple[Json, str, Array]]:
+def strongest_periods(o: Fit) -> list[tuple[Json, str, Array]]:
     """The strongest periods of a static run between two rows and a quarter of the run."""
     s = o.view.stimulus
     n = len(s.time)
@@ -197,10 +197,10 @@ def scanned_mismatches(s: Scan, at_least: int = 0) -> tuple[Mismatch, ...]:
         own = cells.setdefault((c.channel, c.axis, "positions" if "positions" in c.where else c.words), [])
         if not own or "positions" in c.where:
             own.append(i)
-    return tuple(_mismatch(s, own) for own in list(cells.values())[:MAX_CELLS])
+    return tuple(mismatch_entry(s, own) for own in list(cells.values())[:MAX_CELLS])
 
 
-def _mismatch(s: Scan, own: Sequence[int]) -> Mismatch:
+def mismatch_entry(s: Scan, own: Sequence[int]) -> Mismatch:
     """One entry: a cell, or several positions of one channel with the statistic of the strongest."""
     first, p_value = s.cells[own[0]], float(s.p_values[own[0]])
     where, words = dict(first.where), first.words
@@ -213,15 +213,15 @@ def _mismatch(s: Scan, own: Sequence[int]) -> Mismatch:
 
 def view_mismatches(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
     """Entries of `mismatch`: patterns of the baseline's misfit, or the channel that is off most where it has none."""
-    return patterns(m) or largest(m, sigma)
+    return misfit_patterns(m) or largest_misfit(m, sigma)
 
 
-def patterns(m: Fit) -> tuple[Mismatch, ...]:
+def misfit_patterns(m: Fit) -> tuple[Mismatch, ...]:
     """The shapes that the misfit of the baseline follows, strongest first, by an F test each."""
     from scipy.special import fdtrc
 
     v, blocks = m.view, list[Array]()
-    shapes = shapes_of(v, m.residual, spans(m.jacobian), blocks, free_rows(v, m.parameters))
+    shapes = shapes_of(v, m.residual, orthonormal_basis(m.jacobian), blocks, free_rows(v, m.parameters))
     X = m.reduced(np.concatenate(blocks, axis=-1))
     white = projections_of(m, X, memory=False)  # in one scale, and in scales of the channels where these may differ
     dof = m.residual.size - orthonormal_columns(m.reduced(m.jacobian)).shape[1]
@@ -236,7 +236,7 @@ def patterns(m: Fit) -> tuple[Mismatch, ...]:
         p = min(1.0, float(fdtrc(len(at), free, F)) * len(shapes))
         out.append((ln, F, p, c))
     listed = sorted((t for t in out if t[2] < ODD), key=lambda t: -t[0])[:MAX_PATTERNS]
-    return tuple(_pattern(m, c, F, p) for _, F, p, c in listed)
+    return tuple(pattern_entry(m, c, F, p) for _, F, p, c in listed)
 
 
 def _ln_of_any_size(p: Projection, index: Sequence[int]) -> float:
@@ -244,20 +244,20 @@ def _ln_of_any_size(p: Projection, index: Sequence[int]) -> float:
     return p.log_evidence() + float(log_bayes(p, np.array(index), p.scale.any_size).max())
 
 
-def _pattern(m: Fit, c: Candidate, F: float, p: float) -> Mismatch:
+def pattern_entry(m: Fit, c: Candidate, F: float, p: float) -> Mismatch:
     v = m.view
     if v.added is not None:  # in a sensor, and the rows are what a navigator makes of it
         size = float(from_si(float(np.sqrt(np.mean(m.residual**2))), v.unit))
         rows = np.argsort(-np.abs(v.noise.weighted(m.residual)).max(axis=1))[:3]
         words = diagnosis_sentences.follows_sensor(v, c.channel, c.axis, size, c.rival)
-        return Mismatch(c.channel, c.axis, _where(v, rows), round(F, 2), p, words)
+        return Mismatch(c.channel, c.axis, place_of_rows(v, rows), round(F, 2), p, words)
     i, size = _channel(m, c.axis)
     rows = np.argsort(-np.abs(m.residual[:, i]))[:3]
     words = diagnosis_sentences.pattern_sentence(v, c.axis, size, c.rival)
-    return Mismatch(v.channels[0][0], c.axis, _where(v, rows), round(F, 2), p, words)
+    return Mismatch(v.channels[0][0], c.axis, place_of_rows(v, rows), round(F, 2), p, words)
 
 
-def largest(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
+def largest_misfit(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
     """The channel that the baseline misses by most, against the scatter that is left in the end."""
     v, square = m.view, ((m.residual / sigma) ** 2).mean(axis=0)
     axis = v.channels[int(np.argmax(square))][1]
@@ -266,7 +266,7 @@ def largest(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
     ratio = float(square[i])
     p = min(1.0, probability(ratio * len(m.residual), len(m.residual)) * len(v.channels))
     words = diagnosis_sentences.largest_misfit_sentence(v, axis, size, float(np.sqrt(ratio)), rows)
-    return (Mismatch(v.channels[0][0], axis, _where(v, rows), round(ratio, 2), p, words),)
+    return (Mismatch(v.channels[0][0], axis, place_of_rows(v, rows), round(ratio, 2), p, words),)
 
 
 def _channel(m: Fit, axis: str) -> tuple[int, float]:
@@ -274,7 +274,7 @@ def _channel(m: Fit, axis: str) -> tuple[int, float]:
     return i, float(from_si(float(np.sqrt(np.mean(m.residual[:, i] ** 2))), m.view.unit))
 
 
-def _where(v: View, rows: Array) -> dict[str, list[float]]:
+def place_of_rows(v: View, rows: Array) -> dict[str, list[float]]:
     if v.label is None:
         return {"time_s": [round(float(x), 3) for x in np.sort(v.time[rows])]}
     return {"positions": [int(k) for k in v.label[rows]]}

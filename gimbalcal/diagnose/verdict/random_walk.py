@@ -19,8 +19,8 @@ import numpy as np
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK, TRIAD_WALK, Node
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.result import Shape
-from gimbalcal.diagnose.search.combine import combine
-from gimbalcal.diagnose.search.ranking import Ranking, Search, ranked
+from gimbalcal.diagnose.search.combine import combine_rankings
+from gimbalcal.diagnose.search.ranking import Ranking, Search, rank_hypotheses
 from gimbalcal.diagnose.verdict.decide import Decision, decide
 from gimbalcal.effects.process import RandomWalk
 from gimbalcal.inference.algebra import logsumexp
@@ -126,13 +126,13 @@ def _walk_in(s: Search) -> RandomWalkFinding | None:
     total = float(logsumexp(s.null[single]) - logsumexp(s.null[~single]))
     weight = np.exp(s.null - s.null[single].max()) * single
     nodes = [p.node for p in s.projections]
-    return likeliest_walk(nodes, weight, _units(s), "specific_force", total, total)
+    return likeliest_walk(nodes, weight, accelerometer_units(s), "specific_force", total, total)
 
 
 def without_single_walks(s: Ranking) -> Ranking:
     """Return the ranking in the noises in which no accelerometer walks alone."""
     each = [_in_common_noises(one) for one in s.searches]
-    return s if all(a is b for a, b in zip(each, s.searches, strict=True)) else combine(each)
+    return s if all(a is b for a, b in zip(each, s.searches, strict=True)) else combine_rankings(each)
 
 
 def _in_common_noises(s: Search) -> Search:
@@ -143,7 +143,7 @@ def _in_common_noises(s: Search) -> Search:
     projections = tuple(p for p, k in zip(s.projections, kept, strict=True) if k)
     null, joint = s.null[kept], s.joint[kept]
     factors = null, logsumexp(joint, axis=0) - logsumexp(null), joint
-    return ranked(s.fit, s.library, s.rows, projections, factors)
+    return rank_hypotheses(s.fit, s.library, s.rows, projections, factors)
 
 
 def clearest_walk_of_triad(
@@ -181,7 +181,7 @@ def likeliest_walk(
     return RandomWalkFinding(axis, walk, spread * walk, ln_odds, ln_total, quantity)
 
 
-def _units(s: Search) -> dict[str, Array]:
+def accelerometer_units(s: Search) -> dict[str, Array]:
     """One sigma of a row of each accelerometer, which is the unit of every noise of the search."""
     sigma = np.broadcast_to(s.fit.sigma, s.fit.residual.shape)[0]
     own = {axis: k for k, (quantity, axis) in enumerate(s.fit.view.channels) if quantity == "specific_force"}

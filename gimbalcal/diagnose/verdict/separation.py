@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.design.manoeuvres import available_manoeuvres
-from gimbalcal.diagnose.evidence.stated_noise import nominal
+from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, SelectedCause
 from gimbalcal.inference.algebra import orthonormal
@@ -37,12 +37,12 @@ class Advice:
     hours: float
 
 
-def advise(o: Fit, cause: SelectedCause, size: Array, other: Candidate) -> Advice:
+def advise_manoeuvre(o: Fit, cause: SelectedCause, size: Array, other: Candidate) -> Advice:
     """Return the manoeuvre that separates a cause, at its fitted size in prior sigmas, from another one fastest."""
-    return fastest(o, lambda planned: separation(planned, cause, size, other))
+    return fastest_manoeuvre(o, lambda planned: expected_separation(planned, cause, size, other))
 
 
-def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
+def fastest_manoeuvre(o: Fit, gained: Callable[[Fit], float]) -> Advice:
     """The manoeuvre of the menu that brings most per hour; `gained`: ln Bayes factor of the planned rows."""
     step = max(1, len(o.view.source.time) // ENOUGH) if o.view.kind.stabilised else 1
     thin = o.view.source.select(slice(None, None, step))
@@ -56,7 +56,7 @@ def fastest(o: Fit, gained: Callable[[Fit], float]) -> Advice:
     return best
 
 
-def separation(o: Fit, cause: SelectedCause, size: Array, other: Candidate) -> float:
+def expected_separation(o: Fit, cause: SelectedCause, size: Array, other: Candidate) -> float:
     """Return the expected log Bayes factor between the two causes in the nominal noise."""
     signal = columns_at(o, cause[0], cause[1].constants) @ size[:, None]
     return expected_ln_bayes(o, signal, [columns_at(o, other, v.constants) for v in other.variants[:TRIED]])
@@ -64,7 +64,7 @@ def separation(o: Fit, cause: SelectedCause, size: Array, other: Candidate) -> f
 
 def expected_ln_bayes(o: Fit, signal: Array, others: Iterable[Array]) -> float:
     """Expected log Bayes factor of a signal (R, 1) against the best of other columns (R, p), in the nominal noise."""
-    node = nominal(o)
+    node = nominal_noise(o)
     Q = orthonormal(node.whiten(o.reduced(o.Z)))
     y = node.whiten(signal)[:, 0]
     y = y - Q @ (Q.T @ y)

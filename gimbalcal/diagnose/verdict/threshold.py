@@ -39,11 +39,11 @@ def clean_evidence(c: Ranking, rng: np.random.Generator) -> tuple[Array, tuple[A
     First those of all recordings together, then those of each by itself.
     """
     drawn = [clean_singles(s, rng) for s in c.searches]
-    each = tuple(anything(d, s.share) for d, s in zip(drawn, c.searches, strict=True))
-    return anything(c.summed(drawn), c.share), each
+    each = tuple(evidence_of_any(d, s.share) for d, s in zip(drawn, c.searches, strict=True))
+    return evidence_of_any(c.summed(drawn), c.share), each
 
 
-def anything(singles: Array, share: Array) -> Array:
+def evidence_of_any(singles: Array, share: Array) -> Array:
     """ln Bayes factors (draws,) of any single candidate, from those of each (candidates, draws) and its prior share."""
     return logsumexp(singles + share[:, None], axis=0)
 
@@ -52,18 +52,18 @@ def clean_singles(s: Search, rng: np.random.Generator) -> Array:
     """ln Bayes factors (candidates, DRAWS) of each candidate on simulated clean recordings, noise integrated over."""
     weights = np.exp(s.null - logsumexp(s.null))
     kept = [k for k in np.argsort(-weights) if weights[k] > UNLIKELY]
-    low, tail = _draw(s.rows, [s.projections[k] for k in kept], weights[kept], rng)
+    low, tail = draw_clean(s.rows, [s.projections[k] for k in kept], weights[kept], rng)
     empty, full = [], []
     for k in kept:
         p = s.projections[k]
-        b, misfit = _scores(s.rows, p, low, tail)
+        b, misfit = draw_scores(s.rows, p, low, tail)
         ln = np.log(p.node.prior) - 0.5 * (misfit + p.penalty)
         empty.append(ln)
-        full.append(ln + _each(p.G, b, s.library.layout))
+        full.append(ln + evidence_of_each(p.G, b, s.library.layout))
     return logsumexp(np.array(full), axis=0) - logsumexp(np.array(empty), axis=0)
 
 
-def _draw(
+def draw_clean(
     rows: ReducedRows, projections: Sequence[Projection], weights: Array, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Clean coloured rows (R', DRAWS) and the products (q + P, DRAWS) of white rows with the columns."""
@@ -82,7 +82,7 @@ def _draw(
     return low, V @ (np.sqrt(np.maximum(lam, 0.0))[:, None] * white)
 
 
-def _scores(rows: ReducedRows, p: Projection, low: Array, tail: Array) -> tuple[Array, Array]:
+def draw_scores(rows: ReducedRows, p: Projection, low: Array, tail: Array) -> tuple[Array, Array]:
     """Scores (P, draws) and misfits (draws,) up to a constant, the calibration profiled out."""
     q, P = rows.q, rows.P
     W = p.node.whiten(rows.low)[:, : q + P]
@@ -95,7 +95,7 @@ def _scores(rows: ReducedRows, p: Projection, low: Array, tail: Array) -> tuple[
     return v[q:] - K.T @ z, (y**2).sum(axis=0) - (z**2).sum(axis=0)
 
 
-def _each(G: Gram, b: Array, layout: Layout) -> Array:
+def evidence_of_each(G: Gram, b: Array, layout: Layout) -> Array:
     """ln Bayes factor (candidates, draws) of every single candidate, sizes and variants mixed, in one noise."""
     ln = np.full((len(layout.log_share), b.shape[1]), -np.inf)
     for members, index in layout.widths:

@@ -15,7 +15,7 @@ from gimbalcal.diagnose.evidence.channel_scales import (
     products_of_noises,
 )
 from gimbalcal.diagnose.evidence.correlated_noise import POLES, noises_of_channels, noises_of_unknown_scale
-from gimbalcal.diagnose.evidence.projection import gather, project, projected, stack
+from gimbalcal.diagnose.evidence.projection import gather_evidence, project, project_all, stacked_rows
 from gimbalcal.diagnose.evidence.scale import _DENSITY, Channels, Free
 from gimbalcal.diagnose.library.candidates import Candidate, Variant, layout_of
 from gimbalcal.diagnose.search.ranking import bayes_factors
@@ -47,8 +47,8 @@ def weighed(r, J, X, C, divided=(), sample=()):
     Q = np.linalg.qr(J / d)[0]
     channels = Channels(scales, tuple(a / b for a, b in zip(sample, scales, strict=False)))
     scale = Free(len(r) - Q.shape[1], float(np.sqrt(np.mean(np.square(sample or 0.0)))), channels=channels)
-    return projected(
-        noises_of_unknown_scale(n, C)[:1], stack(Q, X / d, r[:, None] / d, len(r), scale), layout=layout(X)
+    return project_all(
+        noises_of_unknown_scale(n, C)[:1], stacked_rows(Q, X / d, r[:, None] / d, len(r), scale), layout=layout(X)
     )
 
 
@@ -119,8 +119,8 @@ def test_a_cause_in_a_quiet_channel_shows_beside_a_noisy_one():
         r, J, X = example((1, 5), 0.9, seed)
         found.append(ln_bayes(weighed(r, J, X, 2), X))
         Q = np.linalg.qr(J)[0]
-        single = project(noises_of_unknown_scale(n, 2)[0], stack(Q, X, r[:, None], len(r), Free(len(r) - 5)))
-        one.append(float(gather((single,), layout(X))[0, 0]))
+        single = project(noises_of_unknown_scale(n, 2)[0], stacked_rows(Q, X, r[:, None], len(r), Free(len(r) - 5)))
+        one.append(float(gather_evidence((single,), layout(X))[0, 0]))
     assert np.median(found) > 5
     assert np.median(one) < 0.5
 
@@ -133,8 +133,8 @@ def test_where_channels_scatter_alike_one_scale_is_likelier():
         p = weighed(r, J, X, 2)
         odds.append(ln_odds_of_scales(p))
         Q = np.linalg.qr(J)[0]
-        single = project(noises_of_unknown_scale(n, 2)[0], stack(Q, X, r[:, None], len(r), Free(len(r) - 5)))
-        assert ln_bayes(p, X) == pytest.approx(float(gather((single,), layout(X))[0, 0]), abs=1.0)
+        single = project(noises_of_unknown_scale(n, 2)[0], stacked_rows(Q, X, r[:, None], len(r), Free(len(r) - 5)))
+        assert ln_bayes(p, X) == pytest.approx(float(gather_evidence((single,), layout(X))[0, 0]), abs=1.0)
     assert np.median(odds) < -1.5
 
 
@@ -182,8 +182,8 @@ def test_claims_on_clean_channels_are_rare(sigma, memory):
         r = (root @ rng.standard_normal((n, C)) * sigma).ravel()
         Q = np.linalg.qr(J)[0]
         r = r - Q @ (Q.T @ r)
-        rows = stack(Q, X, r[:, None] / r.std(), len(r), Free(len(r) - C, channels=Channels((1.0,) * C)))
-        ln.append(ln_bayes(projected(nodes, rows, layout=layout(X)), X))
+        rows = stacked_rows(Q, X, r[:, None] / r.std(), len(r), Free(len(r) - C, channels=Channels((1.0,) * C)))
+        ln.append(ln_bayes(project_all(nodes, rows, layout=layout(X)), X))
     assert np.mean(np.array(ln) > np.log(20)) <= 0.05
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.gram import Gram
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.projection import Projection, condition
+from gimbalcal.diagnose.evidence.projection import Projection, condition_on
 
 
 def products(seed=0):
@@ -29,7 +29,7 @@ def test_what_columns_in_the_model_leave_is_schurs_complement_one_after_the_othe
     b = np.random.default_rng(1).standard_normal((7, 1))
     p = Projection(Node((), {}, 1.0, 0.0, np.eye(2)), Gram.of(G), b, np.array([50.0]), 0.0)
     first, then = np.array([1, 5]), np.array([0])
-    made = condition(condition(p, first, size), then, size)
+    made = condition_on(condition_on(p, first, size), then, size)
     both = [1, 5, 0]
     S = np.linalg.inv(G[np.ix_(both, both)] + np.eye(3) / size**2)
     np.testing.assert_allclose(made.G.whole, G - G[:, both] @ S @ G[both], atol=1e-9)

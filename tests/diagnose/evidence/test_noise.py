@@ -8,7 +8,12 @@ from scipy.fft import dct
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK
-from gimbalcal.diagnose.evidence.stated_noise import coloured, nodes, scale_to_scatter, single_walks_of_stated_noise
+from gimbalcal.diagnose.evidence.stated_noise import (
+    coloured_row_count,
+    noise_grid,
+    scale_to_scatter,
+    single_walks_of_stated_noise,
+)
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import covariance
 from gimbalcal.inference.noise_processes import chain
@@ -131,7 +136,7 @@ def of_rows(o, node):
 @pytest.mark.parametrize("loose", [0.5, 2.83])
 def test_a_node_is_the_covariance_of_its_processes(loose):
     o = fit_baseline(view_at_known_attitude(record(np.random.default_rng(5), dwell=12)))
-    node = next(n for n in nodes(o) if dict(n.name) == {"setting error": loose, "random walk": 0.0})
+    node = next(n for n in noise_grid(o) if dict(n.name) == {"setting error": loose, "random walk": 0.0})
     V = of_rows(o, node)
     np.testing.assert_allclose(node.whiten(node.whiten(V).T), np.eye(len(V)), atol=1e-10)
     np.testing.assert_allclose(node.colour(node.whiten(V)), V, atol=1e-10)
@@ -140,7 +145,7 @@ def test_a_node_is_the_covariance_of_its_processes(loose):
 
 def test_the_walk_of_a_node_is_its_process_at_the_middle_of_each_block():
     o = fit_baseline(view_at_known_attitude(record(np.random.default_rng(5), dwell=12)))
-    still, walking = (next(n for n in nodes(o) if dict(n.name) == {"setting error": 1.0, "random walk": w})
+    still, walking = (next(n for n in noise_grid(o) if dict(n.name) == {"setting error": 1.0, "random walk": w})
                       for w in (0.0, 2.5))  # fmt: skip
     V, W = (covariance_of(n, 3 * len(o.view.noise.starts)) for n in (still, walking))
     n, starts = len(o.residual), o.view.noise.starts
@@ -157,7 +162,7 @@ def test_the_walk_of_a_node_is_its_process_at_the_middle_of_each_block():
 
 def test_a_lone_walk_is_that_of_one_accelerometer():
     o = fit_baseline(view_at_known_attitude(record(np.random.default_rng(5), dwell=12)))
-    still = next(n for n in nodes(o) if dict(n.name) == {"setting error": 1.0, "random walk": 0.0})
+    still = next(n for n in noise_grid(o) if dict(n.name) == {"setting error": 1.0, "random walk": 0.0})
     named = (("setting error", 1.0), ("random walk y", pytest.approx(250.0)))
     alone = next(n for n in single_walks_of_stated_noise(o) if n.single_walk == "y" and n.name == named)
     V, W = (covariance_of(n, 3 * len(o.view.noise.starts)) for n in (still, alone))
@@ -169,9 +174,11 @@ def test_a_lone_walk_is_that_of_one_accelerometer():
 
 def test_a_static_node_is_the_covariance_of_its_processes():
     o = fit_baseline(view_at_known_attitude(at_rest(np.random.default_rng(1))))
-    node = next(n for n in nodes(o) if dict(n.name) == {"random walk of forces": 6.0, "random walk of angles": 1.0})
+    node = next(
+        n for n in noise_grid(o) if dict(n.name) == {"random walk of forces": 6.0, "random walk of angles": 1.0}
+    )
     n, C = o.residual.shape
-    low = dct(np.eye(n), axis=0, norm="ortho")[1 : coloured(o) // C]
+    low = dct(np.eye(n), axis=0, norm="ortho")[1 : coloured_row_count(o) // C]
     variance = (1 / node.inverse_root**2).reshape(-1, C)[1:]
     for i, (quantity, _) in enumerate(o.view.channels):
         white, walk = node.noise[quantity]
@@ -185,7 +192,9 @@ def test_a_static_node_is_the_covariance_of_its_processes():
 
 def test_a_lone_walk_of_a_static_run_is_that_of_one_accelerometer():
     o = fit_baseline(view_at_known_attitude(at_rest(np.random.default_rng(1))))
-    grid = next(n for n in nodes(o) if dict(n.name) == {"random walk of forces": 6.0, "random walk of angles": 1.0})
+    grid = next(
+        n for n in noise_grid(o) if dict(n.name) == {"random walk of forces": 6.0, "random walk of angles": 1.0}
+    )
     for size in SINGLE_WALK:
         named = {"random walk of forces z": size, "random walk of angles": 1.0}
         (alone,) = (n for n in single_walks_of_stated_noise(o) if dict(n.name) == named)

@@ -11,15 +11,15 @@ from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import (
     Projection,
     any_size,
-    appended,
+    append_columns,
     at_best,
-    condition,
-    extended,
-    gather,
+    condition_on,
+    gather_evidence,
     log_bayes,
     project,
-    projected,
-    stack,
+    project_all,
+    projection_of_columns,
+    stacked_rows,
 )
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
 from gimbalcal.diagnose.library.candidates import Candidate, Variant, layout_of
@@ -47,7 +47,7 @@ def dense_log_bayes(node, Z, X, y, size):
 @pytest.mark.parametrize("columns", [[0], [1, 2], [0, 3, 4]])
 def test_evidence_is_the_ratio_of_two_normal_densities(columns):
     node, Z, X, y = example()
-    p = project(node, stack(Z, X, y, len(y)))
+    p = project(node, stacked_rows(Z, X, y, len(y)))
     ln = log_bayes(p, np.array(columns), SIZES)
     for k, size in enumerate(SIZES[:7]):
         assert ln[k] == pytest.approx(dense_log_bayes(node, Z, X[:, columns], y, size), abs=1e-8)
@@ -69,10 +69,10 @@ def test_evidence_is_the_integral_over_the_coefficients():
 def test_a_projection_grows_by_columns_as_if_they_had_been_there(low):
     node, Z, X, y = example(low=low)
     loose = Node((), {}, 1.0, 0.0, np.linspace(0.3, 1.0, low))
-    few, whole = stack(Z, X[:, :3], y, low), stack(Z, X, y, low)
-    before = projected([node, loose], few)
+    few, whole = stacked_rows(Z, X[:, :3], y, low), stacked_rows(Z, X, y, low)
+    before = project_all([node, loose], few)
     kept = [p.G.whole for p in before]
-    for grown, old in ((projected([node, loose], whole, before), kept), (projected([node, loose], whole), None)):
+    for grown, old in ((project_all([node, loose], whole, before), kept), (project_all([node, loose], whole), None)):
         for k, (p, n) in enumerate(zip(grown, (node, loose), strict=True)):
             expected = project(n, whole)
             np.testing.assert_allclose(p.G.whole, expected.G.whole, atol=1e-11)
@@ -83,19 +83,19 @@ def test_a_projection_grows_by_columns_as_if_they_had_been_there(low):
 
 def test_without_room_everything_is_projected_again():
     node, Z, X, y = example()
-    few, wide = stack(Z, X[:, :3], y, 40), np.random.default_rng(1).standard_normal((40, 230))
-    rows = stack(Z, np.concatenate([X[:, :3], wide], axis=1), y, 40)
-    (made,) = projected([node], rows, projected([node], few))
+    few, wide = stacked_rows(Z, X[:, :3], y, 40), np.random.default_rng(1).standard_normal((40, 230))
+    rows = stacked_rows(Z, np.concatenate([X[:, :3], wide], axis=1), y, 40)
+    (made,) = project_all([node], rows, project_all([node], few))
     np.testing.assert_allclose(made.G.whole, project(node, rows).G.whole, atol=1e-11)
 
 
 def test_all_noises_at_once_are_each_of_them():
     node, Z, X, y = example()
-    rows = stack(Z, X, y, 40)
+    rows = stacked_rows(Z, X, y, 40)
     every = [project(n, rows) for n in (node, Node((), {}, 1.0, 0.0, np.linspace(0.3, 1.0, 40)))]
     spans = [[(0,), (2,)], [(1, 2)], [(4, 3)], [(0, 1, 4)]]
     layout = layout_of([Candidate("", "", (), tuple(Variant((), i, 0.5) for i in span), "") for span in spans])
-    both = gather(every, layout)
+    both = gather_evidence(every, layout)
     for k, p in enumerate(every):
         for j, span in enumerate(spans):
             share = layout.log_share[layout.starts[j] :][: len(span)]
@@ -109,7 +109,7 @@ def test_all_noises_at_once_are_each_of_them():
 def test_columns_may_be_appended_to_rows(low):
     _, Z, X, y = example()
     X = np.concatenate([X[:, :2], Z[:, :1], X[:, 2:], X[:, :1] * X[:, 1:2]], axis=1)  # the third is all absorbed
-    made, whole = appended(stack(Z, X[:, :4], y, low), X[:, :4], X[:, 4:]), stack(Z, X, y, low)
+    made, whole = append_columns(stacked_rows(Z, X[:, :4], y, low), X[:, :4], X[:, 4:]), stacked_rows(Z, X, y, low)
     assert (made.q, made.P) == (whole.q, whole.P)
     np.testing.assert_allclose(made.low, whole.low, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(made.high, whole.high, rtol=1e-11, atol=1e-11)
@@ -119,8 +119,8 @@ def test_rows_that_stay_white_may_be_kept_as_their_gram_matrix():
     _, Z, X, y = example()
     half = 20
     root, whole = np.full(half, 0.7), np.r_[np.full(half, 0.7), np.ones(half)]
-    a = project(Node((), {}, 1.0, 0.0, root), stack(Z, X, y, half))
-    b = project(Node((), {}, 1.0, 0.0, whole), stack(Z, X, y, 40))
+    a = project(Node((), {}, 1.0, 0.0, root), stacked_rows(Z, X, y, half))
+    b = project(Node((), {}, 1.0, 0.0, whole), stacked_rows(Z, X, y, 40))
     np.testing.assert_allclose(a.G.whole, b.G.whole, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(a.b, b.b, rtol=1e-10, atol=1e-10)
     assert a.misfit == pytest.approx(b.misfit)
@@ -128,12 +128,12 @@ def test_rows_that_stay_white_may_be_kept_as_their_gram_matrix():
 
 def test_a_second_cause_given_the_first_is_the_pair():
     node, Z, X, y = example()
-    p = project(node, stack(Z, X, y, len(y)))
+    p = project(node, stacked_rows(Z, X, y, len(y)))
     size = 1.0
     one = np.array([size])
     both = log_bayes(p, np.arange(2), one)
     first = log_bayes(p, np.arange(1), one)
-    given = condition(p, np.array([0]), size)
+    given = condition_on(p, np.array([0]), size)
     second = log_bayes(given, np.array([1]), one)
     assert first + second == pytest.approx(both)
 
@@ -141,27 +141,27 @@ def test_a_second_cause_given_the_first_is_the_pair():
 def test_columns_that_are_one_column_and_huge_are_given_as_one():
     node, Z, X, y = example()
     X[:, :2] = 1e10 * X[:, :1]
-    p = project(node, stack(Z, X, y, len(y)))
-    both, one = condition(p, np.array([0, 1]), 1.0), condition(p, np.array([0]), 1.0)
+    p = project(node, stacked_rows(Z, X, y, len(y)))
+    both, one = condition_on(p, np.array([0, 1]), 1.0), condition_on(p, np.array([0]), 1.0)
     assert both.misfit == pytest.approx(one.misfit)
     assert np.isfinite(both.b).all()
 
 
 def test_columns_that_are_not_in_the_library_are_scored_alike():
     node, Z, X, y = example()
-    rows = stack(Z, X, y, len(y))
+    rows = stacked_rows(Z, X, y, len(y))
     p = project(node, rows)
-    made = extended(p, rows, X[:, 1:3])
+    made = projection_of_columns(p, rows, X[:, 1:3])
     np.testing.assert_allclose(made.G.whole, p.G.whole[1:3, 1:3], atol=1e-10)
     np.testing.assert_allclose(made.b, p.b[1:3], atol=1e-10)
 
 
 def test_variants_share_the_prior_by_their_weights():
     node, Z, X, y = example()
-    p = project(node, stack(Z, X, y, len(y)))
+    p = project(node, stacked_rows(Z, X, y, len(y)))
     c = Candidate("", "", (), (Variant((), (0,), 1.0), Variant((), (1,), 3.0)))
     one, two = (any_size(p, np.array([k])) for k in (0, 1))
-    assert gather([p], layout_of([c]))[0, 0] == pytest.approx(np.log(0.25 * np.exp(one) + 0.75 * np.exp(two)))
+    assert gather_evidence([p], layout_of([c]))[0, 0] == pytest.approx(np.log(0.25 * np.exp(one) + 0.75 * np.exp(two)))
 
 
 def test_under_no_effect_the_scores_have_their_gram_matrix_as_covariance():
@@ -169,7 +169,7 @@ def test_under_no_effect_the_scores_have_their_gram_matrix_as_covariance():
     node, Z, X, _ = example()
     draws = 2000
     y = node.colour(np.random.default_rng(0).standard_normal((40, draws)))
-    p = project(node, stack(Z, X, y, 40))
+    p = project(node, stacked_rows(Z, X, y, 40))
     scale = np.sqrt(np.outer(p.G.diagonal, p.G.diagonal))
     np.testing.assert_allclose(np.cov(p.b) / scale, p.G.whole / scale, atol=5 * np.sqrt(2 / draws))
     np.testing.assert_allclose(p.b.mean(axis=1) / np.sqrt(p.G.diagonal), 0, atol=5 / np.sqrt(draws))

@@ -14,7 +14,7 @@ from gimbalcal.diagnose.evidence.correlated_noise import (
     single_walks,
 )
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK_PRIOR_AT_REST
-from gimbalcal.diagnose.evidence.projection import any_size, condition, log_bayes, project, stack
+from gimbalcal.diagnose.evidence.projection import any_size, condition_on, log_bayes, project, stacked_rows
 from gimbalcal.diagnose.evidence.scale import _DENSITY, SIZES, STATED, Free
 from gimbalcal.effects.process import covariance
 from gimbalcal.inference.algebra import logsumexp
@@ -32,7 +32,7 @@ def example(size=0.7):
 
 def projections(r, J, X, sample=0.0):
     Q = np.linalg.qr(J)[0]
-    rows = stack(Q, X, r[:, None], len(r), Free(len(r) - Q.shape[1], sample))
+    rows = stacked_rows(Q, X, r[:, None], len(r), Free(len(r) - Q.shape[1], sample))
     return tuple(project(node, rows) for node in noises_of_unknown_scale(len(r) // C, C))
 
 
@@ -68,7 +68,7 @@ def test_evidence_is_the_mean_of_dense_densities_over_scales_and_sizes(index, me
 def test_a_memory_weighs_what_its_dense_density_says():
     """With nothing modelled the misfit is a normal vector: each memory weighs what its densities do over all scales."""
     r, _, X = example()
-    rows = stack(np.zeros((len(r), 0)), X, r[:, None], len(r), Free(len(r)))
+    rows = stacked_rows(np.zeros((len(r), 0)), X, r[:, None], len(r), Free(len(r)))
     found = np.array([np.log(node.prior) + project(node, rows).log_likelihood()[0]
                       for node in noises_of_unknown_scale(n, C)])  # fmt: skip
     made = [
@@ -85,7 +85,7 @@ def test_a_second_cause_given_the_first_is_the_pair():
     p = projections(*example())[2]
     one = np.array([3.0])
     both, first = log_bayes(p, np.array([0, 1]), one), log_bayes(p, np.array([0]), one)
-    assert first + log_bayes(condition(p, np.array([0]), 3.0), np.array([1]), one) == pytest.approx(both)
+    assert first + log_bayes(condition_on(p, np.array([0]), 3.0), np.array([1]), one) == pytest.approx(both)
 
 
 def test_columns_that_are_modelled_already_say_nothing():
@@ -126,7 +126,7 @@ def test_claims_on_clean_misfits_are_rare():
     rng = np.random.default_rng(4)
     ln = []
     for _ in range(300):
-        rows = stack(
+        rows = stacked_rows(
             np.full((40, 1), 40**-0.5), rng.standard_normal((40, 1)), rng.standard_normal((40, 1)), 40, Free(39)
         )
         made = [project(node, rows) for node in noises_of_unknown_scale(40, 1)]
@@ -203,7 +203,7 @@ def test_a_noise_half_white_and_half_with_a_memory_is_no_drift():
     for _ in range(60):
         r = (V @ rng.standard_normal((m, 3))).ravel()
         Q = np.kron(np.ones((m, 1)), np.eye(3)) / np.sqrt(m)
-        rows = stack(Q, 10 * drift.reshape(-1, 1), r[:, None], 3 * m, Free(3 * m - 3))
+        rows = stacked_rows(Q, 10 * drift.reshape(-1, 1), r[:, None], 3 * m, Free(3 * m - 3))
         for i, nodes in enumerate((noises_of_unknown_scale(m, 3), noises_of_unknown_scale(m, 3, seen))):
             p = [project(node, rows) for node in nodes]
             null = np.array([np.log(q.node.prior) + q.log_likelihood()[0] for q in p])

@@ -26,10 +26,10 @@ from gimbalcal.diagnose.laws.law_claims import (
 from gimbalcal.diagnose.laws.law_curve import _held_out
 from gimbalcal.diagnose.laws.law_file import source
 from gimbalcal.diagnose.laws.law_search import Ground, Law, Place
-from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.library.variables import variables
 from gimbalcal.diagnose.search.ranking import is_usual, search
-from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.refit import start_with_baseline
 from gimbalcal.diagnose.search.stepwise import result_of
 from gimbalcal.effects import CATALOGUE, Stage
 from gimbalcal.pipeline import load
@@ -455,7 +455,7 @@ def test_a_column_that_shows_in_no_row_is_not_visible():
 def bare_mount():
     """Return the fit of a mount without errors before anything is sought."""
     mount = unknown_mount.record(3, unknown_mount.Setup())
-    return start(mount.kind.view_of(mount, ()).without_nuisances())
+    return start_with_baseline(mount.kind.view_of(mount, ()).without_nuisances())
 
 
 def test_a_formula_that_spans_a_cause_is_no_rival_of_it():
@@ -495,7 +495,7 @@ def test_a_law_that_two_stars_show_is_none():
 def test_causes_that_every_rig_has_are_not_compared_with_formulas(monkeypatch):
     """No formula takes their place; formulas in what they leave say nothing of them."""
     o = bare_mount()
-    usual = [c for c in library(o).candidates if is_usual(c, "pointing")]
+    usual = [c for c in assemble_library(o).candidates if is_usual(c, "pointing")]
     monkeypatch.setattr(law_claims, "search", None)
     assert usual
     assert causes_replaced_by_a_formula(result_of(o, ()), usual) == ((), frozenset())

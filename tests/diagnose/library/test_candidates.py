@@ -5,15 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.library.assemble import available, columns_at, library, power_of_harmonics, weighed
+from gimbalcal.diagnose.library.assemble import (
+    assemble_library,
+    available_effects,
+    columns_at,
+    power_of_harmonics,
+    weighted_variants,
+)
 from gimbalcal.diagnose.library.candidates import (
     Candidate,
     Variant,
     by_mechanism,
-    choices,
-    eligible,
+    constant_choices,
+    covariate_sources,
+    is_eligible,
     of_effect,
-    sources,
 )
 from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters
 from gimbalcal.kinematics import stimulus_from_angles
@@ -64,7 +70,7 @@ def test_numbers_of_a_scan_stand_for_those_nearest_to_them():
     every = np.arange(30.0, 2000.0, 10.0)
     near = np.linspace(171.0, 189.0, 9)
     variants = [Variant((("teeth", m),), (0,)) for m in near]
-    weight = np.array([v.weight for v in weighed(variants, len(every), every)]) * near * np.mean(1 / every)
+    weight = np.array([v.weight for v in weighted_variants(variants, len(every), every)]) * near * np.mean(1 / every)
     assert weight.sum() == pytest.approx((18 + 10) / 10, rel=1e-9)
     assert weight[4] == pytest.approx(0.225, rel=1e-9)
 
@@ -84,7 +90,9 @@ def test_one_vector_is_one_candidate():
 
 
 def test_two_mechanisms_of_one_axis_are_two_causes():
-    found = [c for c in library(fit_baseline(view_at_known_attitude(RECORDING))).candidates if c.axis == "inner"]
+    found = [
+        c for c in assemble_library(fit_baseline(view_at_known_attitude(RECORDING))).candidates if c.axis == "inner"
+    ]
     flexure = [c for c in found if c.effect == "gimbal_flexure"]
     assert len({c.key for c in flexure}) == len(flexure) == 2
 
@@ -98,11 +106,11 @@ def test_what_happens_once_is_told_by_its_constants():
 
 def test_columns_stand_where_the_variants_say():
     o = fit_baseline(view_at_known_attitude(RECORDING))
-    made = library(o)
+    made = assemble_library(o)
     c = next(c for c in made.candidates if c.label == "warm_up:y")
     for v in c.variants:
         assert np.allclose(made.X[:, list(v.index)], columns_at(o, c, v.constants))
-    assert [v.constants for v in c.variants] == choices(CATALOGUE["warm_up"], o.view.stimulus)
+    assert [v.constants for v in c.variants] == constant_choices(CATALOGUE["warm_up"], o.view.stimulus)
 
 
 EVERYWHERE = frozenset(Stage)
@@ -125,21 +133,21 @@ EVERYWHERE = frozenset(Stage)
 )
 def test_an_effect_says_where_it_is_a_candidate(effect, known, unknown):
     cls = CATALOGUE[effect]
-    assert eligible(cls, "multi-position", S, EVERYWHERE, scale_known=True) == known
-    assert eligible(cls, "multi-position", S, EVERYWHERE, scale_known=False) == unknown
-    assert not eligible(cls, "multi-position", S, frozenset(), scale_known=True)
+    assert is_eligible(cls, "multi-position", S, EVERYWHERE, scale_known=True) == known
+    assert is_eligible(cls, "multi-position", S, EVERYWHERE, scale_known=False) == unknown
+    assert not is_eligible(cls, "multi-position", S, frozenset(), scale_known=True)
 
 
 def test_what_the_model_holds_is_not_missing_from_it():
     o = fit_baseline(view_at_known_attitude(RECORDING))
-    assert "bias_drift" in available(o.view)
-    assert "bias_drift" not in available(replace(o.view, baseline=("bias_drift",)))
+    assert "bias_drift" in available_effects(o.view)
+    assert "bias_drift" not in available_effects(replace(o.view, baseline=("bias_drift",)))
 
 
 def test_a_unit_without_gimbals_does_not_say_where_north_is():
     bare = S.at(attitude=None)
-    assert eligible(CATALOGUE["magnetic_field"], "multi-position", S, EVERYWHERE, scale_known=True)
-    assert not eligible(CATALOGUE["magnetic_field"], "multi-position", bare, EVERYWHERE, scale_known=True)
+    assert is_eligible(CATALOGUE["magnetic_field"], "multi-position", S, EVERYWHERE, scale_known=True)
+    assert not is_eligible(CATALOGUE["magnetic_field"], "multi-position", bare, EVERYWHERE, scale_known=True)
 
 
 def test_finer_constants_are_found_between_those_of_the_grid():
@@ -156,14 +164,14 @@ def test_finer_constants_are_found_between_those_of_the_grid():
 def test_an_effect_of_any_covariate_is_tried_with_each():
     x = S.time
     logged = S.at(covariates={"fan": x, "pressure": x})
-    assert sources(CATALOGUE["bias_drift"], logged) == ("",)
-    assert sources(CATALOGUE["bias_covariate"], logged) == ("fan",)  # pressure has an effect of its own
-    assert sources(CATALOGUE["bias_covariate"], S) == ()
+    assert covariate_sources(CATALOGUE["bias_drift"], logged) == ("",)
+    assert covariate_sources(CATALOGUE["bias_covariate"], logged) == ("fan",)  # pressure has an effect of its own
+    assert covariate_sources(CATALOGUE["bias_covariate"], S) == ()
 
 
 def test_every_combination_of_constants_is_a_variant_with_columns_of_its_own():
     cls = CATALOGUE["bias_temperature_lagged"]
-    wanted, tried = parameters(cls), choices(cls, S)
+    wanted, tried = parameters(cls), constant_choices(cls, S)
     blocks: list[Array] = [np.zeros((4, 5))]
     seen: list[Effect] = []
 

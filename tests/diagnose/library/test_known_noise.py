@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.library.assemble import available, columns_at, library
+from gimbalcal.diagnose.library.assemble import assemble_library, available_effects, columns_at
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.forward import predict
@@ -15,7 +15,7 @@ from tests.diagnose.small import observed
 
 O = observed(1, dwell=6)
 BASE = BASELINE["multi-position"]
-LIBRARY = library(O)
+LIBRARY = assemble_library(O)
 
 
 @pytest.mark.parametrize(
@@ -40,10 +40,10 @@ def test_a_column_is_a_difference_of_two_predictions(label):
 
 
 def test_what_is_in_the_model_is_no_candidate():
-    ids = available(O.view)
+    ids = available_effects(O.view)
     assert not set(ids) & set(BASE)
     assert {c.effect for c in LIBRARY.candidates if not c.rival} <= set(ids)
-    assert "cubic_nonlinearity" not in available(replace(O.view, baseline=(*BASE, "cubic_nonlinearity")))
+    assert "cubic_nonlinearity" not in available_effects(replace(O.view, baseline=(*BASE, "cubic_nonlinearity")))
     assert all(parameters(CATALOGUE[i], O.view.stimulus.axis_names) for i in ids)
 
 
@@ -57,9 +57,9 @@ def test_every_column_has_an_owner():
 
 def test_of_many_places_those_that_explain_most_are_weighed_with_the_share_of_all(monkeypatch):
     o = observed(3, lambda b: turned(2, (b.visit == 6).astype(float)), dwell=6, size=60 * ARCSEC / UG)
-    every = next(c for c in library(o).candidates if c.effect == "position_blunder")
+    every = next(c for c in assemble_library(o).candidates if c.effect == "position_blunder")
     monkeypatch.setattr("gimbalcal.diagnose.library.assemble.MOST", 5)
-    few = next(c for c in library(o).candidates if c.effect == "position_blunder")
+    few = next(c for c in assemble_library(o).candidates if c.effect == "position_blunder")
     assert len(few.variants) == 5 < len(every.variants)
     assert few.tried == every.tried == 18
     assert (("position", 7.0),) in [v.constants for v in few.variants]

@@ -5,9 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.library.assemble import available, constants_of, free_rows, library, powers, spanned, spans
+from gimbalcal.diagnose.library.assemble import (
+    assemble_library,
+    available_effects,
+    constants_of,
+    free_rows,
+    misfit_powers,
+    orthonormal_basis,
+    orthonormal_or_zero,
+)
 from gimbalcal.diagnose.library.shapes import shapes_of
-from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.refit import start_with_baseline
 from gimbalcal.effects import CATALOGUE, parameters, zero_effect
 from gimbalcal.effects.sensor_grades import GRADES
 from gimbalcal.number import Array
@@ -16,8 +24,8 @@ from gimbalcal.views.pointing import pointing
 from tests.diagnose.small import telescope, turned
 
 STARS = pointing(telescope(1, north=12.0))
-MODEL = start(STARS)
-FOUND = library(MODEL)
+MODEL = start_with_baseline(STARS)
+FOUND = assemble_library(MODEL)
 KNOWN, X = FOUND.candidates, FOUND.X
 HANDS = norm(turned(1))
 
@@ -27,7 +35,7 @@ def test_a_cause_is_what_the_model_does_not_hold():
     for c in KNOWN:
         assert not {(p.effect, p.field, p.axis) for p in c.parameters} & fitted
     effects = {c.effect for c in KNOWN if not c.rival}
-    assert effects <= set(available(STARS))
+    assert effects <= set(available_effects(STARS))
     assert {"base_tilt", "tube_flexure"} <= effects
     assert "bias_drift" not in effects  # of accelerometers
 
@@ -67,7 +75,9 @@ def test_sizes_are_those_of_the_grade_and_a_drift_is_as_fast_as_the_recording_is
 
 def test_shapes_are_as_large_as_the_misfit():
     blocks: list[Array] = [np.zeros((80, 2, 4))]
-    made = shapes_of(STARS, MODEL.residual, spans(MODEL.jacobian), blocks, free_rows(STARS, MODEL.parameters))
+    made = shapes_of(
+        STARS, MODEL.residual, orthonormal_basis(MODEL.jacobian), blocks, free_rows(STARS, MODEL.parameters)
+    )
     rms = np.sqrt(np.mean(MODEL.residual**2))
     columns = np.concatenate(blocks, axis=-1)
     assert {c.effect for c in made} >= {"unknown time"}
@@ -82,14 +92,16 @@ def test_shapes_are_as_large_as_the_misfit():
 
 def test_no_shape_has_more_than_half_as_many_columns_as_there_are_rows_to_test_it_with():
     blocks: list[Array] = [np.zeros((80, 2, 4))]
-    made = shapes_of(STARS, MODEL.residual, spans(MODEL.jacobian), blocks, 6)
+    made = shapes_of(STARS, MODEL.residual, orthonormal_basis(MODEL.jacobian), blocks, 6)
     assert {len(c.variants[0].index) for c in made} == {2, 3}
 
 
 def test_an_effect_of_the_model_keeps_its_constants():
-    effect = next(i for i in available(STARS) if constants_of(zero_effect(CATALOGUE[i], STARS.stimulus.axis_names)))
+    effect = next(
+        i for i in available_effects(STARS) if constants_of(zero_effect(CATALOGUE[i], STARS.stimulus.axis_names))
+    )
     made = zero_effect(CATALOGUE[effect], STARS.stimulus.axis_names)
-    known = library(replace(MODEL, effects=(*MODEL.effects, made))).candidates
+    known = assemble_library(replace(MODEL, effects=(*MODEL.effects, made))).candidates
     assert {v.constants for c in known if c.effect == effect for v in c.variants} == {constants_of(made)}
 
 
@@ -99,4 +111,4 @@ def test_a_scan_ranks_by_what_least_squares_takes_away():
     X[2, ..., 1] = 2 * X[2, ..., 0]  # spans less than it has columns
     X[3, ..., 2] = 0.0
     taken = [y.ravel() @ A @ np.linalg.lstsq(A, y.ravel(), rcond=None)[0] for A in X.reshape(5, 24, 3)]
-    np.testing.assert_allclose(powers(np.stack([spanned(x) for x in X]), y), taken)
+    np.testing.assert_allclose(misfit_powers(np.stack([orthonormal_or_zero(x) for x in X]), y), taken)

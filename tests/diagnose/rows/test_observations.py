@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.stated_noise import nodes, nominal, scale_to_scatter
+from gimbalcal.diagnose.evidence.stated_noise import noise_grid, nominal_noise, scale_to_scatter
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.forward import predict
 from gimbalcal.number import STEP
@@ -58,8 +58,8 @@ def test_setting_errors_have_the_covariance_of_the_node():
     node_chi2 = []
     for seed in range(6):
         loose = fit_baseline(view_at_known_attitude(record(np.random.default_rng(seed), loose=1.0)))
-        y = nominal(loose).whiten(loose.reduced(loose.residual[:, :, None]))[:, 0]
-        Z = nominal(loose).whiten(loose.reduced(loose.Z))
+        y = nominal_noise(loose).whiten(loose.reduced(loose.residual[:, :, None]))[:, 0]
+        Z = nominal_noise(loose).whiten(loose.reduced(loose.Z))
         left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-10)[0]
         node_chi2.append(left @ left / (len(y) - 17))
     assert np.mean(node_chi2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 300 / 6))
@@ -67,7 +67,7 @@ def test_setting_errors_have_the_covariance_of_the_node():
 
 
 def test_priors_of_the_noise_sum_to_one(o):
-    assert sum(n.prior for n in nodes(o)) == pytest.approx(1.0)
+    assert sum(n.prior for n in noise_grid(o)) == pytest.approx(1.0)
 
 
 def test_an_unknown_baseline_is_refused(o):

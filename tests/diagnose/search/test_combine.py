@@ -10,9 +10,9 @@ from threadpoolctl import threadpool_limits
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.odds import SINGLE, UNKNOWN
-from gimbalcal.diagnose.known_noise import searched
+from gimbalcal.diagnose.known_noise import compare_causes
 from gimbalcal.diagnose.of_recording import baseline_of
-from gimbalcal.diagnose.search.combine import CombinedRanking, combine, matched
+from gimbalcal.diagnose.search.combine import CombinedRanking, combine_rankings, matched_candidates
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Source
 from gimbalcal.views.known_attitude import view_at_known_attitude
@@ -158,7 +158,9 @@ def of_candidates(*told):
 
 def test_what_happens_once_is_of_one_recording_and_a_shape_of_one_or_of_all_that_show_it():
     drift, step, sine = ("drift", False, ""), ("step", True, ""), ("sine", False, "sine")
-    candidates, place = matched([of_candidates(step, drift, sine), of_candidates(drift, step), of_candidates(sine)])
+    candidates, place = matched_candidates(
+        [of_candidates(step, drift, sine), of_candidates(drift, step), of_candidates(sine)]
+    )
     found = sorted((c.key[0], *map(int, at)) for c, at in zip(candidates, place, strict=True))
     assert found == [("drift", 1, 0, -1), ("sine", -1, -1, 0), ("sine", 2, -1, -1), ("sine", 2, -1, 0),
                      ("step", -1, 1, -1), ("step", 0, -1, -1)]  # fmt: skip
@@ -175,8 +177,8 @@ def test_a_recording_that_does_not_see_a_cause_says_what_it_does_without():
 def test_order_does_not_matter_and_singles_add_up():
     with threadpool_limits(limits=1):
         made = (record(np.random.default_rng(seed)) for seed in (1, 2))
-        a, b = (searched(view_at_known_attitude(r), None, str) for r in made)
-        one, other = combine([a, b]), combine([b, a])
+        a, b = (compare_causes(view_at_known_attitude(r), None, str) for r in made)
+        one, other = combine_rankings([a, b]), combine_rankings([b, a])
     assert one.ln_total == pytest.approx(other.ln_total, abs=1e-9)
     label = "scale_factor_asymmetry:y"
     alone = [s.singles[[c.label for c in s.library.candidates].index(label)] for s in (a, b)]

@@ -6,9 +6,16 @@ from scipy.stats import multivariate_normal
 
 from gimbalcal.diagnose.evidence.odds import BESIDE, PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
-from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.library.candidates import Library
-from gimbalcal.diagnose.search.ranking import beside, given, log_priors, overlap, pairs, search
+from gimbalcal.diagnose.search.ranking import (
+    candidates_overlap,
+    evidence_beside,
+    log_priors,
+    projection_given,
+    promising_pairs,
+    search,
+)
 from gimbalcal.inference.algebra import logsumexp
 from tests.diagnose.plant import known
 from tests.diagnose.small import candidate, covariance, few, noises, observed, rows_of, searched
@@ -61,9 +68,9 @@ def test_a_second_cause_is_judged_with_the_first_in_the_model_at_its_best_size()
     pair = logsumexp(np.array([dense(one, [first, second], (best, size), 0) for size in SIZES]) + np.log(SIZE_PRIOR))
     gained = logsumexp(np.array(alone) + np.log(SIZE_PRIOR)) - dense(one, [], (), 0)
     truth = gained + pair - dense(one, [first], (best,), 0)
-    found = beside(one.projections, one.library, one.null, one.joint, (i,), [j], 1)[0]
+    found = evidence_beside(one.projections, one.library, one.null, one.joint, (i,), [j], 1)[0]
     assert found == pytest.approx(float(truth), abs=1e-3)
-    assert given(one.projections[0], one.library.candidates[i])[1] == pytest.approx(float(gained), abs=1e-4)
+    assert projection_given(one.projections[0], one.library.candidates[i])[1] == pytest.approx(float(gained), abs=1e-4)
 
 
 def test_two_causes_are_found_as_a_pair():
@@ -81,7 +88,7 @@ def test_two_causes_are_found_as_a_pair():
 
 def test_shares_of_the_prior_make_a_whole():
     o = S.fit
-    whole = library(o)
+    whole = assemble_library(o)
     prior = log_priors(whole.candidates)
     rival = np.array([bool(c.rival) for c in whole.candidates])
     assert np.exp(prior[rival]).sum() == pytest.approx(1.0)
@@ -105,7 +112,7 @@ def test_pairs_share_what_is_theirs():
     def gained(members, seconds, keep):
         return np.zeros(len(everything))[list(seconds)]
 
-    found = pairs(everything, np.array([100.0, 1.0, 1.0, 1.0]), prior, 1e9, gained)
+    found = promising_pairs(everything, np.array([100.0, 1.0, 1.0, 1.0]), prior, 1e9, gained)
     known_pairs = {h.members: np.exp(h.ln_weight - h.ln_bayes) for h in found if not h.unknown(everything)}
     assert set(known_pairs) == {(0, 1), (0, 2), (1, 2)}
     np.testing.assert_allclose(list(known_pairs.values()), 2 * PAIR / 9)
@@ -118,10 +125,10 @@ def test_pairs_share_what_is_theirs():
 def test_an_effect_on_all_axes_is_no_second_beside_one_of_them():
     o = observed(1, dwell=2)
     c = few(o, "bias_drift:x", "bias_drift:y", "bias_drift:x, y, z", "warm_up:x").candidates
-    assert overlap(c, 0, 2)
-    assert overlap(c, 2, 1)
-    assert not overlap(c, 0, 1)
-    assert not overlap(c, 0, 3)
+    assert candidates_overlap(c, 0, 2)
+    assert candidates_overlap(c, 2, 1)
+    assert not candidates_overlap(c, 0, 1)
+    assert not candidates_overlap(c, 0, 3)
 
 
 def test_what_the_recording_cannot_show_is_not_asked():

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.search.ranking import projections_of
-from gimbalcal.diagnose.search.refit import constants_with_sigma, fitted_columns, refit, start, with_columns
+from gimbalcal.diagnose.search.refit import (
+    constants_with_sigma,
+    fitted_columns,
+    refit,
+    start_with_baseline,
+    with_columns,
+)
 from gimbalcal.effects import values, with_values
 from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.platform import BENCH
@@ -35,7 +41,7 @@ def test_a_fit_ends_where_no_direction_that_is_seen_leads_down(seed):
     """Eleven rests of constants of five per cent: undamped steps ended at 427 mg on such a recording."""
     rng = np.random.default_rng(seed)
     v = norm(poses(rng.standard_normal((11, 3)), rng), ("bias", "scale_factor", "misalignment"))
-    m = start(v)
+    m = start_with_baseline(v)
     assert m.rms < 1e-3 * G
     scale = np.array([p.sigma for p in m.parameters])
     A = m.jacobian.reshape(m.residual.size, -1) * scale
@@ -57,7 +63,7 @@ def test_errors_are_as_large_as_the_covariance_says():
     pulls = []
     for seed in range(30):
         v = pointing(telescope(seed, north=12.0, east=-7.0), ("gimbal_zero", "axis_collimation", "base_tilt"))
-        m = start(v)
+        m = start_with_baseline(v)
         tilt = [i for i, p in enumerate(m.parameters) if p.effect == "base_tilt"]
         off = values(m.effects, m.parameters)[tilt] - np.array([12.0, -7.0]) * np.pi / 648000
         pulls.append(off @ np.linalg.solve(m.covariance[np.ix_(tilt, tilt)], off))
@@ -66,7 +72,7 @@ def test_errors_are_as_large_as_the_covariance_says():
 
 def test_columns_of_no_effect_are_fitted_beside_those_of_the_model():
     v = pointing(telescope(3))
-    m = start(v)
+    m = start_with_baseline(v)
     X = np.zeros((*m.residual.shape, 1))
     X[:, 1, 0] = np.sin(5 * v.stimulus.readout[:, 1])
     after = with_columns(m, X)
@@ -81,7 +87,7 @@ def test_columns_are_fitted_in_the_scales_that_remain_with_them():
     v = replace(v, noise=replace(v.noise, of_each_channel=True), cache={})
     X = np.zeros((len(v), 2, 1))
     X[:, 1, 0] = np.sin(5 * v.stimulus.readout[:, 1])
-    m = start(v)
+    m = start_with_baseline(v)
     m = with_columns(replace(m, residual=m.residual + 1e-4 * X[..., 0]), X[..., :0])
     assert max(m.view.noise.scales) > 5
     made, x, C = fitted_columns(m, X)
@@ -97,7 +103,7 @@ def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings():
     rng = np.random.default_rng(5)
     faces = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (4, 1))
     v = norm(poses(faces, rng, 1e-3, 0.0), ("bias", "scale_factor"))
-    m = start(v)
+    m = start_with_baseline(v)
     wanted = v.parameters_of("cubic_nonlinearity")
     quiet, read = v.noise_free(m.effects).jacobian(wanted), v.evaluate(m.effects).jacobian(wanted)
     y = m.residual / np.linalg.norm(m.residual)
@@ -114,7 +120,7 @@ def test_columns_of_what_is_not_in_the_model_hold_no_noise_of_the_readings():
 def test_a_constant_that_nothing_determines_is_not_told():
     """What order a worm has shows by its amplitude: without one there is nothing to tell, and no sigma of zero."""
     v = pointing(telescope(1, n=200))
-    m = start(v)
+    m = start_with_baseline(v)
     wanted = v.parameters_of("periodic_worm_error")[:2]
     for size, count in ((0.0, 0), (20.0, 1)):
         none = absent_effect("periodic_worm_error", v.stimulus)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.evidence.stated_noise import curved, nominal, scale_to_scatter
+from gimbalcal.diagnose.evidence.stated_noise import nominal_noise, scale_to_scatter, setting_is_second_order
 from gimbalcal.diagnose.search.relinearise import about_settings
 from gimbalcal.estimate.grade import grade_of_unit
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
@@ -22,7 +22,7 @@ def observed(setting):
 
 def misfit(o):
     """What the calibration leaves in the nominal noise, per row."""
-    node = nominal(o)
+    node = nominal_noise(o)
     Z, y = (node.whiten(o.reduced(x)) for x in (o.Z, o.residual[:, :, None]))
     left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
     return float((left**2).sum()) / (len(y) - Z.shape[1])
@@ -42,7 +42,7 @@ def test_about_the_angles_of_each_visit_nothing_is_curved():
 
 def test_settings_of_arcseconds_are_left_alone():
     tight = observed(1.0)
-    assert not curved(tight)
+    assert not setting_is_second_order(tight)
     assert about_settings(tight) is tight
 
 

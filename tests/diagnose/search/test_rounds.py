@@ -42,7 +42,7 @@ def weighed(monkeypatch, hypotheses, **more):
     every = (cause("a"), cause("b"), cause("c"), cause("shape", rival="sine"))
     s = SimpleNamespace(hypotheses=tuple(hypotheses), ln_total=9.0,
                         library=SimpleNamespace(candidates=every, X=np.zeros((2, 1))))  # fmt: skip
-    monkeypatch.setattr(stepwise, "noises", lambda *_: None)
+    monkeypatch.setattr(stepwise, "possible_noises", lambda *_: None)
     monkeypatch.setattr(stepwise, "search", lambda *_, **_nodes: s)
     monkeypatch.setattr(
         stepwise, "selected_causes", lambda _, members: [(every[i], every[i].variants[0]) for i in members]
@@ -74,7 +74,7 @@ def test_a_cause_gives_way_to_one_that_is_clearly_likelier(monkeypatch, lead, ke
     monkeypatch.setattr(stepwise, "likeliest_missing", likeliest)
     monkeypatch.setattr(stepwise, "with_causes", lambda _first, selected: [c for c, _ in selected])
     monkeypatch.setattr(stepwise, "is_usual", lambda *_: False)
-    assert stepwise.swap(FIRST, [A, B], said) == kept
+    assert stepwise.swap_causes(FIRST, [A, B], said) == kept
 
 
 def test_what_every_rig_has_needs_a_tenth_of_the_evidence(monkeypatch):
@@ -109,12 +109,12 @@ def selecting(monkeypatch, odds, alike):
         assert keep_usual == (B in begun)
         return alike if m is ALIKE else [*begun, C] if begun else [A]
 
-    monkeypatch.setattr(stepwise, "start", lambda v: ALIKE if v is ALIKE.view else FIRST)
+    monkeypatch.setattr(stepwise, "start_with_baseline", lambda v: ALIKE if v is ALIKE.view else FIRST)
     monkeypatch.setattr(stepwise, "refuse_too_little", lambda *_: None)
     monkeypatch.setattr(stepwise, "forward_select", selected)
     monkeypatch.setattr(stepwise, "with_causes", lambda m, _: m)
-    monkeypatch.setattr(stepwise, "library", lambda _: Library((A[0],), np.zeros((1, 1))))
-    monkeypatch.setattr(stepwise, "textbook", lambda m, _: [] if m is ALIKE else [B])
+    monkeypatch.setattr(stepwise, "assemble_library", lambda _: Library((A[0],), np.zeros((1, 1))))
+    monkeypatch.setattr(stepwise, "textbook_causes", lambda m, _: [] if m is ALIKE else [B])
     monkeypatch.setattr(stepwise, "backward_eliminate", lambda _m, selected, _t: list(selected))
     monkeypatch.setattr(stepwise, "log_priors", lambda *_: np.zeros(1))
     monkeypatch.setattr(stepwise, "ln_odds", lambda _m, these, _s: 2.0 if these == [A] else 9.0 if D in these else odds)

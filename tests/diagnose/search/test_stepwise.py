@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from gimbalcal.diagnose.evidence.noises import noises
-from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.evidence.noises import possible_noises
+from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.search.ranking import log_priors, search
-from gimbalcal.diagnose.search.refit import refit, start
+from gimbalcal.diagnose.search.refit import refit, start_with_baseline
 from gimbalcal.diagnose.search.stepwise import (
     backward_eliminate,
     evidence_for,
     likeliest_missing,
     ln_evidence,
     refine_constants,
-    refined,
+    refit_to_view,
     stepwise,
     with_causes,
 )
@@ -92,7 +92,7 @@ def test_the_first_step_takes_away_most():
     v, c = view(12.0, -7.0, 15.0), found()
     each = [with_causes(c.start, [s.cause]).rms for s in c.steps]
     assert each[0] == min(each) == c.steps[0].model.rms
-    again = refined(v, c)
+    again = refit_to_view(v, c)
     assert [s.cause[0].label for s in again.steps] == [s.cause[0].label for s in c.steps]
     assert again.end.rms == pytest.approx(c.end.rms, rel=1e-9)
 
@@ -120,8 +120,8 @@ def test_what_noise_with_a_memory_explains_is_not_kept():
 def test_evidence_at_the_minimum_is_that_of_the_search(north, east, own_scales):
     """The same model by two ways: ranked at the baseline over scales and sizes, or fitted and asked at its minimum."""
     v = view(north, east)
-    first = start(replace(v, noise=replace(v.noise, of_each_channel=own_scales), cache={}))
-    s = search(first, library(first), noises(first))
+    first = start_with_baseline(replace(v, noise=replace(v.noise, of_each_channel=own_scales), cache={}))
+    s = search(first, assemble_library(first), possible_noises(first))
     every = zip(s.library.candidates, s.singles.tolist(), strict=True)
     ln = {c: ln for c, ln in every if len(c.variants) == 1 and not c.rival and not c.effect.startswith("gimbal_zero")}
     assert len(ln) > 15
@@ -132,7 +132,7 @@ def test_evidence_at_the_minimum_is_that_of_the_search(north, east, own_scales):
 
 def test_prior_shares_make_a_whole_of_causes_and_of_shapes():
     v = view()
-    m = start(v)
+    m = start_with_baseline(v)
     known = causes_of(v, m)
     share = np.exp(log_priors(known, v.kind))
     shape = np.array([bool(c.rival) for c in known])
@@ -167,7 +167,7 @@ def test_constants_between_the_values_of_a_grid_are_fitted_and_leave_no_rest():
     x = r.channels["specific_force", "x"] + fade
     warming = replace(r, time=9 * r.time, channels={**r.channels, ("specific_force", "x"): x})
     v = norm(warming, ("bias", "scale_factor", "misalignment"))
-    first = start(v)
+    first = start_with_baseline(v)
     known = {c.label: c for c in causes_of(v, first)}
     warm, drift = known["warm_up:x"], known["bias_drift:x"]
     (_, told), _ = made = refine_constants(first, [(warm, warm.variants[2]), (drift, drift.variants[0])])

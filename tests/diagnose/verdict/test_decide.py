@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.odds import CLAIM, UNSURE
-from gimbalcal.diagnose.evidence.stated_noise import nodes, scale_to_scatter
-from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.evidence.stated_noise import noise_grid, scale_to_scatter
+from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.search.ranking import search
-from gimbalcal.diagnose.verdict.decide import decide, strained
+from gimbalcal.diagnose.verdict.decide import decide, noise_gain
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 from tests.diagnose.law_plants import Law, at_size, laws, unforeseen
 
@@ -15,13 +15,13 @@ from tests.diagnose.law_plants import Law, at_size, laws, unforeseen
 def searched(law, seed, sigmas, **options):
     recording, _ = at_size(seed, law, sigmas, **options)
     o = scale_to_scatter(fit_baseline(view_at_known_attitude(recording)))
-    return search(o, library(o), nodes(o))
+    return search(o, assemble_library(o), noise_grid(o))
 
 
 def test_a_cause_that_leaves_more_than_the_stated_noise_is_not_sure():
     s = searched(Law(unforeseen(1)["pier"], ()), 9821, 25.0, rows=120)
     d = decide(s)
-    assert strained(s, d.hypothesis.members) > CLAIM
+    assert noise_gain(s, d.hypothesis.members) > CLAIM
     assert max(j.probability for j in d.judgements) <= UNSURE
 
 
@@ -29,7 +29,7 @@ def test_a_cause_that_leaves_more_than_the_stated_noise_is_not_sure():
 def test_a_cause_that_leaves_the_stated_noise_is_sure(name):
     s = searched(laws(1)[name], 5, 25.0)
     d = decide(s)
-    assert strained(s, d.hypothesis.members) < CLAIM
+    assert noise_gain(s, d.hypothesis.members) < CLAIM
     assert min(j.probability for j in d.judgements) > UNSURE
 
 

@@ -5,10 +5,10 @@ import pytest
 
 from gimbalcal.diagnose.evidence.projection import log_bayes
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
-from gimbalcal.diagnose.search.combine import combine
+from gimbalcal.diagnose.search.combine import combine_rankings
 from gimbalcal.diagnose.verdict.decide import decide
 from gimbalcal.diagnose.verdict.judgement import best_evidence
-from gimbalcal.diagnose.verdict.threshold import anything, clean_evidence, clean_singles
+from gimbalcal.diagnose.verdict.threshold import clean_evidence, clean_singles, evidence_of_any
 from gimbalcal.inference.algebra import logsumexp
 from tests.diagnose.plant import known
 from tests.diagnose.small import candidate, observed, searched
@@ -18,7 +18,7 @@ LABELS = ("scale_factor_asymmetry:y", "cross_coupling:x", "bias_drift:z", "posit
 
 def together(*sizes):
     made = [observed(seed + 1, known(1)["asymmetry"][0], x, dwell=6) for seed, x in enumerate(sizes)]
-    return combine([searched(o, *LABELS) for o in made])
+    return combine_rankings([searched(o, *LABELS) for o in made])
 
 
 ALIKE, UNLIKE, ONE = together(150.0, 150.0), together(150.0, 0.0), together(150.0)
@@ -77,7 +77,7 @@ def test_the_bar_is_set_by_clean_recordings_of_all_designs():
     rng = np.random.default_rng(1)
     drawn = [clean_singles(s, rng) for s in ALIKE.searches]
     for mine, d, s in zip(alone, drawn, ALIKE.searches, strict=True):
-        np.testing.assert_allclose(mine, anything(d, s.share))
+        np.testing.assert_allclose(mine, evidence_of_any(d, s.share))
     summed = np.zeros((len(ALIKE.library.candidates), drawn[0].shape[1]))
     for i in range(len(ALIKE.library.candidates)):
         for k, d in enumerate(drawn):

@@ -7,10 +7,10 @@ import pytest
 
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.result import Estimate, Finding
-from gimbalcal.diagnose.search.refit import refit, start, with_constants
+from gimbalcal.diagnose.search.refit import refit, start_with_baseline, with_constants
 from gimbalcal.diagnose.search.stepwise import result_of
 from gimbalcal.diagnose.verdict import findings
-from gimbalcal.diagnose.verdict.findings import cancelling, drifts_as_one, finding_of_view, judged_in_turn
+from gimbalcal.diagnose.verdict.findings import cancelling_causes, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.errors import InputError
 from gimbalcal.progress import no_progress
@@ -52,19 +52,19 @@ def test_different_drifts_stay_apart(one, other):
 def test_what_something_else_is_likelier_to_be_is_not_named(monkeypatch):
     """The least likely cause goes first, and all others are asked again without it."""
     v = pointing(telescope(2, north=25.0, east=-9.0, bend=40.0))
-    first = start(v)
+    first = start_with_baseline(v)
     known = causes_of(v, first)
     tilt, bend, like = (next(c for c in known if c.label == label) for label in LABELS)
     taken = [(c, c.variants[0]) for c in (tilt, bend, like)]
     told = {tilt.key: 0.9, bend.key: 0.8, like.key: 0.01}
     monkeypatch.setattr(findings, "judged_without", lambda m, c: Judgement(c, told[c.key], (), 9.0))
-    kept, verdicts = findings.confirmed(result_of(first, taken), no_progress)
+    kept, verdicts = findings.confirm_causes(result_of(first, taken), no_progress)
     assert {c.key for c, _ in kept.causes} == {j.cause.key for j in verdicts} == {tilt.key, bend.key}
 
 
 def test_a_cause_that_makes_held_out_rows_worse_is_not_named(monkeypatch):
     v = pointing(telescope(2, north=25.0, east=-9.0))
-    first = start(v)
+    first = start_with_baseline(v)
     known = causes_of(v, first)
     tilt, bend = (next(c for c in known if c.label == label) for label in LABELS[:2])
     both = result_of(first, [(c, c.variants[0]) for c in (tilt, bend)])
@@ -78,14 +78,14 @@ def test_a_cause_that_makes_held_out_rows_worse_is_not_named(monkeypatch):
     )
     assert findings.worsening_cause(both, sure) is bend
     monkeypatch.setattr(findings, "judged_without", lambda m, c: Judgement(c, 0.9, (), 9.0))
-    kept, verdicts = findings.confirmed(both, no_progress)
+    kept, verdicts = findings.confirm_causes(both, no_progress)
     assert {c.key for c, _ in kept.causes} == {j.cause.key for j in verdicts} == {tilt.key}
 
 
 def test_a_search_that_ends_without_inverse_gives_way_to_what_was_kept(monkeypatch):
     """Of a unit turned by hand a dead zone took the place of a refused creep, and the diagnosis ended in a refusal."""
     v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
-    first = start(v)
+    first = start_with_baseline(v)
     tilt, like = (next(c for c in causes_of(v, first) if c.label == LABELS[k]) for k in (0, 2))
 
     def judged(_, c):
@@ -94,20 +94,20 @@ def test_a_search_that_ends_without_inverse_gives_way_to_what_was_kept(monkeypat
         return Judgement(c, 0.001, (), 9.0)
 
     monkeypatch.setattr(findings, "judged_without", judged)
-    kept, verdicts = findings.confirmed(result_of(first, [(like, like.variants[0])]), no_progress)
+    kept, verdicts = findings.confirm_causes(result_of(first, [(like, like.variants[0])]), no_progress)
     assert (kept.steps, verdicts) == ((), [])
     assert kept.shapes
     with pytest.raises(InputError, match="different forces"):
-        findings.confirmed(result_of(first, [(tilt, tilt.variants[0])]), no_progress)
+        findings.confirm_causes(result_of(first, [(tilt, tilt.variants[0])]), no_progress)
 
 
 def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch):
     """A misfit far beyond the noise does not vanish with the last name for it: nothing left would be "adequate"."""
     v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
-    first = start(v)
+    first = start_with_baseline(v)
     tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
     monkeypatch.setattr(findings, "judged_without", lambda m, c: Judgement(c, 0.001, (), 9.0))
-    kept, verdicts = findings.confirmed(result_of(first, [(tilt, tilt.variants[0])]), no_progress)
+    kept, verdicts = findings.confirm_causes(result_of(first, [(tilt, tilt.variants[0])]), no_progress)
     assert (kept.steps, verdicts) == ((), [])
     assert kept.shapes
     assert kept.with_shapes.rms < 0.5 * first.rms
@@ -115,12 +115,12 @@ def test_a_strong_cause_that_is_refused_leaves_its_shape(monkeypatch):
 
 def test_what_is_likelier_than_a_refused_cause_takes_its_place(monkeypatch):
     v = pointing(telescope(2, north=25.0, east=-9.0, n=40))
-    first = start(v)
+    first = start_with_baseline(v)
     like = next(c for c in causes_of(v, first) if c.label == LABELS[2])
     monkeypatch.setattr(
         findings, "judged_without", lambda m, c: Judgement(c, 0.001 if c.key == like.key else 0.9, (), 9.0)
     )
-    kept, verdicts = findings.confirmed(result_of(first, [(like, like.variants[0])]), no_progress)
+    kept, verdicts = findings.confirm_causes(result_of(first, [(like, like.variants[0])]), no_progress)
     assert [j.cause.label for j in verdicts] == [LABELS[0]]
     assert kept.end.rms < 0.2 * first.rms
 
@@ -144,16 +144,16 @@ def elevations(law):
 def test_terms_of_a_series_are_no_causes(law, series):
     """-138 arcsec of two cycle and 660 of eccentricity were named beside a law of refraction of a few arcsec."""
     v = pointing(elevations(law))
-    first = start(v)
+    first = start_with_baseline(v)
     known = {c.label: c for c in causes_of(v, first)}
     taken = [known[label] for label in ("refraction", "encoder_two_cycle:elevation", "encoder_eccentricity:elevation")]
     c = result_of(first, [(cause, cause.variants[0]) for cause in taken])
-    assert {cause.label for cause, _ in cancelling(c)} == ({t.label for t in taken[1:]} if series else set())
+    assert {cause.label for cause, _ in cancelling_causes(c)} == ({t.label for t in taken[1:]} if series else set())
 
 
 def test_a_cause_is_told_with_the_sizes_of_the_last_model():
     v = pointing(telescope(2, north=25.0, east=-9.0))
-    first = start(v)
+    first = start_with_baseline(v)
     tilt = next(c for c in causes_of(v, first) if c.label == LABELS[0])
     c = result_of(first, [(tilt, tilt.variants[0])])
     (j,) = judged_in_turn(c)
@@ -173,7 +173,7 @@ def test_errors_of_a_size_with_a_fitted_time_constant_are_as_large_as_its_sigma(
         y = r.channels["specific_force", "y"] + size * np.exp(-(r.time - r.time[0]) / tau)
         v = norm(replace(r, channels={**r.channels, ("specific_force", "y"): y}), terms)
         cause = Candidate("warm_up", "x, y, z", v.parameters_of("warm_up"), ())
-        effects = (*start(v).effects, absent_effect("warm_up", v.stimulus, tau=0.9 * tau))
+        effects = (*start_with_baseline(v).effects, absent_effect("warm_up", v.stimulus, tau=0.9 * tau))
         wanted = [p for e in (*terms, "warm_up") for p in v.parameters_of(e)]
         m = with_constants(refit(v, effects, wanted), {"warm_up"})
         told = {(p.name, p.axis): p for p in finding_of_view(m, Judgement(cause, 0.9, (), 9.0)).parameters}

@@ -13,7 +13,7 @@ from gimbalcal.calibration import Provenance, from_dict
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.diagnose.library.assemble import columns_at
-from gimbalcal.diagnose.search.combine import combine
+from gimbalcal.diagnose.search.combine import combine_rankings
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.verdict.agreement import inverse_of
 from gimbalcal.diagnose.verdict.joint_fit import joint_fit, parts_of
@@ -142,7 +142,7 @@ def test_recordings_of_one_unit_add_up_and_those_of_two_are_told_apart():
 
     def together(*recordings):
         fits = [scale_to_scatter(fit_baseline(view_at_known_attitude(r))) for r in recordings]
-        c = combine([searched(o, *([label] if r is not run else ["bias_drift:x"]), count=1)
+        c = combine_rankings([searched(o, *([label] if r is not run else ["bias_drift:x"]), count=1)
                      for o, r in zip(fits, recordings, strict=True)])  # fmt: skip
         return fitted(c, members_of(c, (label,))).calibration(None)
 
@@ -184,7 +184,7 @@ def test_without_a_cause_the_others_take_up_what_they_can():
 @cache
 def two(sizes):
     made = [observed(seed, known(1)["asymmetry"][0], x, dwell=6) for seed, x in zip((1, 2), sizes, strict=True)]
-    return combine([searched(o, *PAIR, count=1) for o in made])
+    return combine_rankings([searched(o, *PAIR, count=1) for o in made])
 
 
 def stacked(c, labels):
@@ -253,7 +253,7 @@ def test_a_lag_is_common_and_surer_together():
     label = "bias_temperature_lagged:x"
     made = [observed(seed, lambda b: on(0, cooled(b, 750.0)), 200.0, dwell=30) for seed in (3, 4)]
     searches = [searched(o, label, count=1) for o in made]
-    both = fitted(combine(searches), [0])
+    both = fitted(combine_rankings(searches), [0])
     alone = [fitted(s, [0]) for s in searches]
     ((_, value, sigma),) = both.chosen_constants(0)
     assert abs(value - 750.0) < 3.5 * sigma
@@ -298,7 +298,7 @@ def test_a_cause_of_hundreds_of_sigmas_leaves_nothing(kind, label, size):
 def test_recordings_with_a_large_cause_are_linearised_where_each_is():
     made = [record(np.random.default_rng(4), known(1)["bias T"][0], 3000 * UG, dwell=d) for d in (12, 16)]
     fits = [scale_to_scatter(fit_baseline(view_at_known_attitude(r))) for r in made]
-    joint = fitted(combine([searched(o, "bias_temperature:y", count=1) for o in fits]), [0])
+    joint = fitted(combine_rankings([searched(o, "bias_temperature:y", count=1) for o in fits]), [0])
     for x, sigma in (joint.size(0), joint.size_by(0, 0), joint.size_by(1, 0)):
         assert x[0] == pytest.approx(3000 * UG, abs=4 * sigma[0])
     assert joint.agreement_on(0).p_value > 1e-3

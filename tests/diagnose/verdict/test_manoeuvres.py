@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gimbalcal.design.manoeuvres import available_manoeuvres, second_pass
-from gimbalcal.diagnose.evidence.stated_noise import nominal
+from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
 from gimbalcal.diagnose.verdict import separation as module
-from gimbalcal.diagnose.verdict.separation import SETTLED, Advice, advise, separation
+from gimbalcal.diagnose.verdict.separation import SETTLED, Advice, advise_manoeuvre, expected_separation
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
@@ -31,7 +31,7 @@ def causes(o, *labels):
 
 def misfit_of_the_other(o, found, size, other):
     """Half the least chi^2 that calibration and the other cause, at any size and constants, leave of this signal."""
-    V = covariance(nominal(o), len(rows_of(o)[0]))
+    V = covariance(nominal_noise(o), len(rows_of(o)[0]))
     root = np.linalg.inv(np.linalg.cholesky(V))
     signal = root @ columns_at(o, found, found.variants[0].constants) @ size
     out = []
@@ -50,17 +50,17 @@ def misfit_of_the_other(o, found, size, other):
 def test_separation_is_what_the_other_cause_cannot_follow(found, other):
     i, j = causes(TABLE, found, other)
     size = np.arange(1.0, 1 + len(i.parameters))
-    here = separation(TABLE, (i, i.variants[0]), size, j)
+    here = expected_separation(TABLE, (i, i.variants[0]), size, j)
     assert here == pytest.approx(misfit_of_the_other(TABLE, i, size, j), rel=1e-5)
-    assert separation(TABLE, (i, i.variants[0]), 3 * size, j) == pytest.approx(9 * here, rel=1e-9)
+    assert expected_separation(TABLE, (i, i.variants[0]), 3 * size, j) == pytest.approx(9 * here, rel=1e-9)
     planned = planned_rows(second_pass(TABLE.view.source, reverse=True), TABLE)
     needed = misfit_of_the_other(planned, i, size, j)
-    assert separation(planned, (i, i.variants[0]), size, j) == pytest.approx(needed, rel=1e-5)
+    assert expected_separation(planned, (i, i.variants[0]), size, j) == pytest.approx(needed, rel=1e-5)
 
 
 def test_a_cause_is_not_told_from_itself():
     (c,) = causes(TABLE, "cross_coupling:y")
-    assert separation(TABLE, (c, c.variants[0]), np.ones(len(c.parameters)), c) == pytest.approx(0.0, abs=1e-9)
+    assert expected_separation(TABLE, (c, c.variants[0]), np.ones(len(c.parameters)), c) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_a_cause_is_not_told_from_itself():
 def test_the_manoeuvre_is_the_one_that_brings_most_per_hour(found, other, words):
     i, j = causes(TABLE, found, other)
     size = np.full(len(i.parameters), 80.0)
-    a = advise(TABLE, (i, i.variants[0]), size, j)
+    a = advise_manoeuvre(TABLE, (i, i.variants[0]), size, j)
     rate = {}
     for m in available_manoeuvres(TABLE.view.source):
         rate[m.words] = misfit_of_the_other(planned_rows(m.apply(TABLE.view.source), TABLE), i, size, j) / m.hours
@@ -87,19 +87,19 @@ def test_the_manoeuvre_is_the_one_that_brings_most_per_hour(found, other, words)
 
 def test_a_long_static_run_is_planned_with_fewer_rows(monkeypatch):
     ramp, day = causes(REST, "bias_drift:x", "bias_temperature:x")
-    whole = advise(REST, (ramp, ramp.variants[0]), np.array([1.0]), day)
+    whole = advise_manoeuvre(REST, (ramp, ramp.variants[0]), np.array([1.0]), day)
     monkeypatch.setattr(module, "ENOUGH", 144)
-    half = advise(REST, (ramp, ramp.variants[0]), np.array([1.0]), day)
+    half = advise_manoeuvre(REST, (ramp, ramp.variants[0]), np.array([1.0]), day)
     assert half.ln_bayes == pytest.approx(whole.ln_bayes, rel=0.02)  # every second row stands for two
 
 
 def test_a_manoeuvre_that_brings_too_little_is_not_advised():
     """The expected ln Bayes factor goes with the square of the size: just above three nats, and just below."""
     i, j = causes(TABLE, "gimbal_friction:inner", "encoder_eccentricity:inner")
-    best = advise(TABLE, (i, i.variants[0]), np.array([20.0]), j)
+    best = advise_manoeuvre(TABLE, (i, i.variants[0]), np.array([20.0]), j)
     enough = 20.0 * np.sqrt(SETTLED / best.ln_bayes)
-    assert advise(TABLE, (i, i.variants[0]), np.array([1.001 * enough]), j).words == REVERSED
-    assert advise(TABLE, (i, i.variants[0]), np.array([0.999 * enough]), j) == Advice("", 0.0, 0.0)
+    assert advise_manoeuvre(TABLE, (i, i.variants[0]), np.array([1.001 * enough]), j).words == REVERSED
+    assert advise_manoeuvre(TABLE, (i, i.variants[0]), np.array([0.999 * enough]), j) == Advice("", 0.0, 0.0)
 
 
 def test_manoeuvres_are_what_they_are_called():
@@ -138,7 +138,7 @@ def test_a_static_run_goes_on_as_the_earth_turns():
 def test_twice_the_run_tells_a_ramp_from_a_day():
     """Two days hold a ramp and a daily wave apart, four days better."""
     ramp, day = causes(REST, "bias_drift:x", "bias_temperature:x")
-    a = advise(REST, (ramp, ramp.variants[0]), np.array([1.0]), day)
-    here = separation(REST, (ramp, ramp.variants[0]), np.array([1.0]), day)
+    a = advise_manoeuvre(REST, (ramp, ramp.variants[0]), np.array([1.0]), day)
+    here = expected_separation(REST, (ramp, ramp.variants[0]), np.array([1.0]), day)
     assert a.words == "let the run go on as long again"
     assert a.ln_bayes > 4 * here  # the variance of a slope falls with the cube of the time

@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 
-from gimbalcal.diagnose.library.assemble import spans
+from gimbalcal.diagnose.library.assemble import orthonormal_basis
 from gimbalcal.diagnose.library.shapes import shapes_of
-from gimbalcal.diagnose.search.refit import start
-from gimbalcal.diagnose.verdict.mismatch import largest, patterns, view_mismatches
+from gimbalcal.diagnose.search.refit import start_with_baseline
+from gimbalcal.diagnose.verdict.mismatch import largest_misfit, misfit_patterns, view_mismatches
 from gimbalcal.views.pointing import pointing
 from tests.diagnose.plant import ARCSEC
 from tests.diagnose.small import telescope
@@ -26,8 +26,8 @@ def wavy(size, seed=3):
 
 def test_a_pattern_is_told_with_its_f_statistic():
     v = wavy(3.0)
-    m = start(v)
-    first = patterns(m)[0]
+    m = start_with_baseline(v)
+    first = misfit_patterns(m)[0]
     assert view_mismatches(m, np.full((80, 2), ARCSEC))[0] == first
     assert (first["channel"], first["axis"]) == ("pointing", "along")
     assert "azimuth" in first["in_words"]
@@ -46,7 +46,7 @@ def test_a_pattern_is_told_with_its_f_statistic():
     assert first["statistic"] == pytest.approx(F, rel=1e-3)
     # Bonferroni's bound: time, slow and fast, each of the two angles in two ranges of harmonics, and both together, in
     # two channels; of one of the fourteen the model leaves nothing
-    shapes = shapes_of(v, m.residual, spans(m.jacobian), [], 80)
+    shapes = shapes_of(v, m.residual, orthonormal_basis(m.jacobian), [], 80)
     assert len({(c.effect, c.axis) for c in shapes}) == len(shapes) == 13
     assert first["p_value"] == pytest.approx(13 * fisher.sf(F, 10, free), rel=1e-2, abs=0.0)
     worst = np.argsort(-np.abs(m.residual[:, 1]))[:3]
@@ -59,16 +59,16 @@ def test_chance_is_no_pattern():
     """Clean recordings: all shapes together are odd in one of a thousand."""
     for seed in range(6):
         v = pointing(telescope(seed))
-        m = start(v)
-        assert patterns(m) == ()
-        assert view_mismatches(m, np.full((80, 2), ARCSEC)) == largest(m, np.full((80, 2), ARCSEC))
+        m = start_with_baseline(v)
+        assert misfit_patterns(m) == ()
+        assert view_mismatches(m, np.full((80, 2), ARCSEC)) == largest_misfit(m, np.full((80, 2), ARCSEC))
 
 
 def test_without_a_pattern_the_worst_channel_is_told_against_the_scatter_in_the_end():
     v = pointing(telescope(1))
-    m = start(v)
+    m = start_with_baseline(v)
     sigma = np.tile([2.0, 0.9], (80, 1)) * ARCSEC
-    (found,) = largest(m, sigma)
+    (found,) = largest_misfit(m, sigma)
     square = np.mean((m.residual / sigma) ** 2, axis=0)
     assert found["axis"] == ("across", "along")[int(np.argmax(square))] == "along"
     assert found["statistic"] == pytest.approx(square[1], abs=0.01)

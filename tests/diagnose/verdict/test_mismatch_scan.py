@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from gimbalcal.diagnose.evidence.projection import ReducedRows
-from gimbalcal.diagnose.search.ranking import reduced
+from gimbalcal.diagnose.search.ranking import reduced_rows
 from gimbalcal.diagnose.verdict import mismatch
-from gimbalcal.diagnose.verdict.mismatch import MAX_CELLS, Cell, Scan, scan, scanned_mismatches
+from gimbalcal.diagnose.verdict.mismatch import MAX_CELLS, Cell, Scan, scan_data, scanned_mismatches
 from tests.diagnose.plant import known, on
 from tests.diagnose.small import at_rest, clean, covariance, few, noises, observed, rows_of
 from tests.golden import golden_text
@@ -22,12 +22,12 @@ LIBRARY = few(TABLE, "scale_factor_asymmetry:y")
 def prepared(o):
     (node,) = noises(o, 1)
     label = "scale_factor_asymmetry:y" if o.view.kind == "multi-position" else "bias_drift:x"
-    return reduced(o, few(o, label).X, [node]), node
+    return reduced_rows(o, few(o, label).X, [node]), node
 
 
 def scanned(o, seed=1, explained=None):
     rows, node = prepared(o)
-    return scan(o, rows, node, np.random.default_rng(seed), explained)
+    return scan_data(o, rows, node, np.random.default_rng(seed), explained)
 
 
 def fall_of_chi2(o, node, columns, beside):
@@ -49,7 +49,7 @@ def test_a_statistic_is_the_chi2_that_a_place_of_its_own_takes_away(beside):
     o = observed(3, known(1)["asymmetry"][0], 100.0, dwell=6)
     rows, node = prepared(o)
     X = LIBRARY.X if beside else np.zeros((len(LIBRARY.X), 0))
-    s = scan(o, rows, node, np.random.default_rng(1), X)
+    s = scan_data(o, rows, node, np.random.default_rng(1), X)
     for position, k in ((4, 0), (11, 2)):
         at = next(i for i, c in enumerate(s.cells) if c.where == {"positions": [position]} and c.axis == "xyz"[k])
         column = np.zeros((*o.residual.shape, 1))
@@ -88,7 +88,7 @@ def test_a_clean_recording_is_as_bad_somewhere_as_its_p_value_says(monkeypatch):
         y = o.reduced(o.residual[:, :, None])
         y = y - rows.Q @ (rows.Q.T @ y)
         here = ReducedRows(np.concatenate([rows.low[:, :-1], y], axis=1), rows.high, rows.q, rows.P, rows.Q, y)
-        p.append(scan(o, here, node, rng).p_value)
+        p.append(scan_data(o, here, node, rng).p_value)
     assert kstest(p, "uniform").pvalue > 0.01
     assert np.mean(np.array(p) < 0.1) < 0.1 + 3 * np.sqrt(0.09 / 80)
 

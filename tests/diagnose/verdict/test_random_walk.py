@@ -9,11 +9,11 @@ import pytest
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.known_noise import searched
+from gimbalcal.diagnose.known_noise import compare_causes
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search import sensor_random_walks
 from gimbalcal.diagnose.search.ranking import Hypothesis
-from gimbalcal.diagnose.search.sensor_random_walks import CLOSE, wandering, weights
+from gimbalcal.diagnose.search.sensor_random_walks import CLOSE, likely_wandering_noises, noise_weights
 from gimbalcal.diagnose.verdict.decide import Decision
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
@@ -44,7 +44,7 @@ def drift(b):
 
 
 def search_of(recording):
-    return searched(view_at_known_attitude(recording), None, no_progress)
+    return compare_causes(view_at_known_attitude(recording), None, no_progress)
 
 
 def test_a_walk_of_one_accelerometer_is_no_cause_and_its_size_comes_back():
@@ -85,8 +85,8 @@ def test_a_wave_that_a_walk_could_be_is_told_by_its_formula():
 
 def test_a_clear_drift_is_no_walk():
     s = search_of(at_strength(5, drift, 30.0))
-    assert wandering(s) == ()
-    np.testing.assert_allclose(weights(s, [p.node for p in s.projections]), s.null, atol=1e-6)
+    assert likely_wandering_noises(s) == ()
+    np.testing.assert_allclose(noise_weights(s, [p.node for p in s.projections]), s.null, atol=1e-6)
     d, wander = decide_with_walk(s, without_single_walks(s), CLAIM)
     assert wander is None
     assert "bias_drift" in {d.judgements[0].cause.effect, *d.judgements[0].confounded}
@@ -158,7 +158,7 @@ def test_walks_compete_with_what_was_found(monkeypatch, ln_total, ln, kept):
     s = SimpleNamespace(
         ln_total=ln_total, fit=SimpleNamespace(view=SimpleNamespace(kind=MULTI_POSITION)), null=np.zeros(1)
     )
-    assert [n.k for n in wandering(s)] == kept
+    assert [n.k for n in likely_wandering_noises(s)] == kept
 
 
 @pytest.mark.parametrize(("together", "kept"), [(8.5, [0, 1]), (9.5, [])])
@@ -167,7 +167,7 @@ def test_none_walks_alone_where_all_walking_is_likelier(monkeypatch, together, k
     monkeypatch.setattr(sensor_random_walks, SINGLE, lambda _: walks)
     monkeypatch.setattr(sensor_random_walks, WEIGHTS, lambda *_: np.array([9.0, together]))
     s = SimpleNamespace(ln_total=8.0, fit=SimpleNamespace(view=SimpleNamespace(kind=STATIC_RUN)), null=np.zeros(1))
-    assert [n.k for n in wandering(s)] == kept
+    assert [n.k for n in likely_wandering_noises(s)] == kept
 
 
 def steps(t, seed):

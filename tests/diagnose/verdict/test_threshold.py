@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from gimbalcal.diagnose.evidence.projection import gather, project, stack
-from gimbalcal.diagnose.evidence.stated_noise import coloured, nodes
+from gimbalcal.diagnose.evidence.projection import gather_evidence, project, stacked_rows
+from gimbalcal.diagnose.evidence.stated_noise import coloured_row_count, noise_grid
 from gimbalcal.diagnose.search.ranking import search
-from gimbalcal.diagnose.verdict.threshold import DRAWS, anything, clean_evidence, clean_singles
+from gimbalcal.diagnose.verdict.threshold import DRAWS, clean_evidence, clean_singles, evidence_of_any
 from gimbalcal.inference.algebra import logsumexp
 from tests.diagnose.small import at_rest, covariance, few, observed, rows_of, searched
 
@@ -17,7 +17,7 @@ LABELS = ("scale_factor_asymmetry:y", "bias_temperature_lagged:x", "encoder_two_
 TABLE = searched(observed(1, dwell=6, white=2.0), *LABELS)  # errors of setting outweigh the readings' noise
 DRIFTING = at_rest(2)
 REST = search(
-    DRIFTING, few(DRIFTING, "scale_factor_asymmetry:x", "bias_drift:y", "bias_temperature:z"), nodes(DRIFTING)[-1:]
+    DRIFTING, few(DRIFTING, "scale_factor_asymmetry:x", "bias_drift:y", "bias_temperature:z"), noise_grid(DRIFTING)[-1:]
 )
 
 
@@ -30,13 +30,15 @@ def drawn_one_by_one(s, draws, rng):
     for k, p in enumerate(s.projections):
         mine = picked == k
         y[:, mine] = np.linalg.cholesky(covariance(p.node, len(Z))) @ rng.standard_normal((len(Z), mine.sum()))
-    rows = stack(Z, s.library.X, y, coloured(s.fit))
+    rows = stacked_rows(Z, s.library.X, y, coloured_row_count(s.fit))
     made = [project(p.node, rows) for p in s.projections]
     null = np.array([np.log(p.node.prior) + p.log_likelihood() for p in made])  # (nodes, draws)
     out = []
     for j in range(draws):
         one = [replace(p, b=p.b[:, j : j + 1]) for p in made]
-        out.append(logsumexp(gather(one, s.library.layout) + null[:, j : j + 1], axis=0) - logsumexp(null[:, j]))
+        out.append(
+            logsumexp(gather_evidence(one, s.library.layout) + null[:, j : j + 1], axis=0) - logsumexp(null[:, j])
+        )
     return np.stack(out, axis=-1)
 
 
@@ -54,7 +56,7 @@ def test_clean_evidence_is_that_of_recordings_drawn_one_by_one(s):
 
 def test_anything_is_the_mean_over_candidates_by_their_shares():
     ln, share = np.log([[4.0, 1.0], [1.0, 16.0]]), np.log([0.25, 0.5])
-    np.testing.assert_allclose(np.exp(anything(ln, share)), [0.25 * 4 + 0.5 * 1, 0.25 * 1 + 0.5 * 16])
+    np.testing.assert_allclose(np.exp(evidence_of_any(ln, share)), [0.25 * 4 + 0.5 * 1, 0.25 * 1 + 0.5 * 16])
     whole, (alone,) = clean_evidence(TABLE, np.random.default_rng(6))
     np.testing.assert_array_equal(whole, alone)
     each = clean_singles(TABLE, np.random.default_rng(6))

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.noises import noises
+from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
-from gimbalcal.diagnose.library.assemble import library
+from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.search.ranking import search, selected_causes
-from gimbalcal.diagnose.search.refit import start
+from gimbalcal.diagnose.search.refit import start_with_baseline
 from gimbalcal.estimate.pointing.mount import pointing_calibration
 from gimbalcal.recording import Recording
 from gimbalcal.report.sections import pointing_picture
@@ -92,8 +92,8 @@ def tracking(drift=0.0, wander=0.0):
 def test_patterns_of_a_run_that_tracks_are_no_copies_of_its_misfit():
     """Beside a drift, which follows the clock, a tilt that follows a noisy hour angle would be that noise."""
     v = pointing(tracking(), ("gimbal_zero", "gimbal_zero_drift"))
-    m = start(v)
-    s = search(m, library(m), noises(m))
+    m = start_with_baseline(v)
+    s = search(m, assemble_library(m), possible_noises(m))
     every = s.library.candidates
     slow = [h for h in s.hypotheses if all(every[i].effect in SLOW or every[i].axis == "along" for i in h.members)]
     assert len(slow) > 5
@@ -109,8 +109,8 @@ def test_a_worm_shows_beside_a_curved_drift_and_a_declination_that_walks():
     """Each axis has a noise of its own; what curves in both, for whatever reason, is no term of the mount."""
     r = means_of_tracking(tracking(drift=40.0, wander=60.0))
     assert len(r.time) < 450
-    m = start(pointing(r, ("gimbal_zero", "gimbal_zero_drift")))
-    s = search(m, library(m), noises(m))
+    m = start_with_baseline(pointing(r, ("gimbal_zero", "gimbal_zero_drift")))
+    s = search(m, assemble_library(m), possible_noises(m))
     every, best = s.library.candidates, int(np.argmax(s.singles))
     assert every[best].label == "periodic_worm_error:hour_angle"
     ((_, variant),) = selected_causes(s, (best,))
