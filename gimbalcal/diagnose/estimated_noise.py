@@ -123,7 +123,7 @@ def _view_diagnosis(
     fit, lawful, odds = view_fit(c, sigma), Lawful(), np.inf
     if not c.start.exact and (shapes or not findings or refused):
         progress(law_sentences.SEARCHING)
-        lawful, with_law = laws_of_view(c.end, sigma, [f"{f.effect}:{f.axis}".rstrip(":") for f in findings])
+        lawful, with_law = laws_of_view(c.missing, sigma, [f"{f.effect}:{f.axis}".rstrip(":") for f in findings])
         c_law = replace(c, with_shapes=with_law)
         fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
         if lawful.known and not findings and not refused and walk is None:

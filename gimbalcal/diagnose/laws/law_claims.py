@@ -450,14 +450,15 @@ def _compared_in(m: Fit, s: Search, sigma: Array, alone: bool = True) -> Beside 
     return b and replace(b, laws=[law for law in strong if _evidence_without_two_groups(b.searches[0], law) > 0])
 
 
-def laws_of_view(m: Fit, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawful, Fit]:
-    """Seek laws in a view that nothing known explains, in noise of `sigma` (n, C); return the model with them too.
+def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawful, Fit]:
+    """Seek laws in what a search of a view left, in noise of `sigma` (n, C); return the model with them too.
 
     One law after the other is added, until nothing is missing or what is missing has no formula. Where the library of
     shapes shows nothing missing, a formula also needs the prior odds of an unknown cause. The caller states the
     held-out misfit, as it has the numbers of the view. known: causes in the model, as --with takes them.
     """
-    v, laws, with_them, remaining, total = m.view, list[LawResult](), m, search(m), 0.0
+    m = with_them = remaining.fit
+    v, laws, total = m.view, list[LawResult](), 0.0
     hidden = remaining.ln_total < CLAIM
     while not laws or (remaining.ln_total >= 2 * CLAIM and len({o.effect for o in laws}) < MOST):
         b = _compared_in(m, remaining, sigma, alone=bool(laws) or hidden)

@@ -112,9 +112,8 @@ def with_walks_of_sensors(v: View, kept: Sequence[int] | None = None) -> View:
 
 def found_in(c: SearchResult) -> float:
     """Return the ln Bayes factor of all that a search found, and of what its last model leaves, against nothing."""
-    known = assemble_library(c.start)
-    anything = search(c.start, known).ln_total
     if not c.steps:
-        return anything
+        return c.missing.ln_total
+    known = assemble_library(c.start)
     named = ln_odds(c.start, c.causes, log_shares(c.start.view, known))
-    return max(anything, named + max(search(c.end).ln_total, 0.0))
+    return max(search(c.start, known).ln_total, named + max(c.missing.ln_total, 0.0))

@@ -14,6 +14,7 @@ from gimbalcal.diagnose.evidence.scale import NEAR_PRIOR, NEAR_SIZES, Free
 from gimbalcal.diagnose.library.assemble import assemble_library, constants_of
 from gimbalcal.diagnose.library.candidates import Candidate, Library, SelectedCause, Variant
 from gimbalcal.diagnose.search.ranking import (
+    Search,
     bayes_factors,
     is_usual,
     log_priors,
@@ -50,7 +51,8 @@ class SearchResult:
     """A finished search: the baseline, the causes selected in order, and the shapes of what no cause explains.
 
     with_shapes: the model after the last step with these shapes in it, which is what the data follow. standard: what
-    every rig of the kind has, as far as the data support it, where the search began from that.
+    every rig of the kind has, as far as the data support it, where the search began from that. rest: what the model
+    after the last step may lack, where that was asked.
     """
 
     start: Fit
@@ -58,6 +60,12 @@ class SearchResult:
     shapes: tuple[Candidate, ...]
     with_shapes: Fit
     standard: tuple[SelectedCause, ...] = ()
+    rest: Search | None = None
+
+    @property
+    def missing(self) -> Search:
+        """The ranking of what the model after the last step may lack, in all noises."""
+        return search(self.end) if self.rest is None else self.rest
 
     @property
     def end(self) -> Fit:
@@ -300,23 +308,29 @@ def result_of(
     """
     steps, shapes = order_by_explanation(first, selected), list[Candidate]()
     with_shapes = steps[-1].model if steps else first
-    for _ in range(MAX_ROUNDS):
-        rest = likeliest_missing(with_shapes, memory=True, shape=refused)
-        if rest.ln_total < CLAIM or rest.named or (shapes and rest.ln_bayes < CLAIM):
+    missing = rest = search(with_shapes)
+    while len(shapes) < MAX_ROUNDS:
+        best = likeliest_round(missing, shape=refused)
+        if best.ln_total < CLAIM or best.named or (shapes and best.ln_bayes < CLAIM):
             break
-        shapes += [c for c, _ in rest.causes if c.rival]
-        with_shapes = with_columns(with_shapes, rest.columns)
-    return SearchResult(first, steps, tuple(shapes), with_shapes, tuple(standard))
+        shapes += [c for c, _ in best.causes if c.rival]
+        with_shapes = with_columns(with_shapes, best.columns)
+        missing = search(with_shapes)
+    return SearchResult(first, steps, tuple(shapes), with_shapes, tuple(standard), rest)
 
 
-def likeliest_missing(model: Fit, memory: bool = False, against: Candidate | None = None, shape: bool = False) -> Round:
-    """Return what is likeliest to be missing from a model, in white or in correlated noise: causes, or a `shape`.
+def likeliest_missing(model: Fit, memory: bool = False, against: Candidate | None = None) -> Round:
+    """Return what is likeliest to be missing from a model, in white or in correlated noise: causes, or a shape."""
+    return likeliest_round(search(model, nodes=possible_noises(model, memory)), against)
+
+
+def likeliest_round(s: Search, against: Candidate | None = None, shape: bool = False) -> Round:
+    """Return what is likeliest to be missing by a search: causes, or a `shape`.
 
     Causes are selected where by themselves they are likelier than a shape by itself, several of them at the odds of a
     claim: together they may mimic what one shape says. With a shape in the model almost any cause seems needed, as it
     resembles a part of what the shape only sketches.
     """
-    s = search(model, nodes=possible_noises(model, memory))
     every = s.library.candidates
     shapes = [h for h in s.hypotheses if all(every[i].rival for i in h.members)]
     known = [
@@ -328,7 +342,7 @@ def likeliest_missing(model: Fit, memory: bool = False, against: Candidate | Non
     rival = [h.ln_weight for h in known if against and any(every[i].key == against.key for i in h.members)]
     lead = best.ln_weight - max(rival) if rival and named else 0.0
     causes = selected_causes(s, best.members)
-    columns = model.expanded(s.library.X[:, [k for _, variant in causes for k in variant.index]])
+    columns = s.fit.expanded(s.library.X[:, [k for _, variant in causes for k in variant.index]])
     return Round(causes, best.ln_bayes, s.ln_total, named, columns, lead)
 
 
@@ -351,6 +365,8 @@ def refit_to_view(v: View, c: SearchResult) -> SearchResult:
 
 def with_causes(model: Fit, selected: Sequence[SelectedCause]) -> Fit:
     """Return the model with these causes in it, everything refitted; each set of causes is fitted once."""
+    if not selected:
+        return model
     these, v = frozenset((c.key, c.parameters, variant.constants) for c, variant in selected), model.view
     cache, key = v.cache, (v.noise.one_scale, model.parameters, these)
     if key not in cache:

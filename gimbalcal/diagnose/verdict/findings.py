@@ -16,6 +16,7 @@ from gimbalcal.diagnose.search.stepwise import (
     Key,
     SearchResult,
     likeliest_missing,
+    likeliest_round,
     result_of,
     with_causes,
 )
@@ -108,11 +109,14 @@ def search_with_replacement(
     c: SearchResult, kept: Sequence[SelectedCause], refused: set[Key], progress: Progress
 ) -> SearchResult:
     """Return the search with these causes and what is likeliest with them, unless that has been refused."""
-    best = likeliest_missing(with_causes(c.start, kept), memory=True)
+    as_before = list(kept) == c.causes
+    best = likeliest_round(c.missing) if as_before else likeliest_missing(with_causes(c.start, kept), memory=True)
     new = best.causes if best.ln_total >= CLAIM and best.named else ()
     if new and not refused & {cause.key for cause, _ in new}:
         progress(f"selected: {', '.join(cause.in_words for cause, _ in new)}")
         kept = [*kept, *new]
+    elif as_before and not refused:
+        return c
     return result_of(c.start, kept, [cause for cause in c.standard if cause in kept], refused=bool(refused))
 
 

@@ -40,14 +40,12 @@ def said(_):
 
 def weighed(monkeypatch, hypotheses, **more):
     every = (cause("a"), cause("b"), cause("c"), cause("shape", rival="sine"))
-    s = SimpleNamespace(hypotheses=tuple(hypotheses), ln_total=9.0,
+    s = SimpleNamespace(hypotheses=tuple(hypotheses), ln_total=9.0, fit=FIRST,
                         library=SimpleNamespace(candidates=every, X=np.zeros((2, 1))))  # fmt: skip
-    monkeypatch.setattr(stepwise, "possible_noises", lambda *_: None)
-    monkeypatch.setattr(stepwise, "search", lambda *_, **_nodes: s)
     monkeypatch.setattr(
         stepwise, "selected_causes", lambda _, members: [(every[i], every[i].variants[0]) for i in members]
     )
-    return stepwise.likeliest_missing(FIRST, **more)
+    return stepwise.likeliest_round(s, **more)
 
 
 def test_one_cause_beats_a_shape_by_itself_and_two_at_the_odds_of_a_claim(monkeypatch):

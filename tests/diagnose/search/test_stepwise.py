@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from gimbalcal.diagnose.estimated_noise import diagnose_selected
 from gimbalcal.diagnose.evidence.noises import possible_noises
+from gimbalcal.diagnose.laws import law_claims
 from gimbalcal.diagnose.library.assemble import assemble_library
+from gimbalcal.diagnose.search import sensor_random_walks
+from gimbalcal.diagnose.search import stepwise as stepwise_search
 from gimbalcal.diagnose.search.ranking import log_priors, search
 from gimbalcal.diagnose.search.refit import refit, start_with_baseline
 from gimbalcal.diagnose.search.stepwise import (
@@ -104,6 +108,21 @@ def test_nothing_is_taken_up_where_nothing_is_missing():
         assert (c.steps, c.shapes, said) == ((), (), [])
         assert c.end is c.start
         assert likeliest_missing(c.start).ln_total < np.log(20)
+
+
+def test_no_model_is_searched_twice_for_what_it_may_lack(monkeypatch):
+    """Of a clean mount: in white noise to select causes, and in all noises for what these leave."""
+    asked = []
+
+    def counting(fit, candidates=None, nodes=()):
+        asked.append((fit, len(nodes or possible_noises(fit))))
+        return search(fit, candidates, nodes)
+
+    for module in (stepwise_search, sensor_random_walks, law_claims):
+        monkeypatch.setattr(module, "search", counting)
+    diagnosis = diagnose_selected(stepwise(pointing(telescope(2)), no_progress), no_progress)
+    assert diagnosis.verdict == "adequate"
+    assert [nodes for _, nodes in asked] == [1, len(possible_noises(asked[0][0]))]
 
 
 def test_what_noise_with_a_memory_explains_is_not_kept():
