@@ -27,6 +27,7 @@ from gimbalcal.diagnose.laws.law_claims import (
     leave_more_than_noise,
     misheld,
 )
+from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.result import (
     Evidence,
     FitSummary,
@@ -158,15 +159,17 @@ def compare_causes(view: View, known: Calibration | None, progress: Progress) ->
         o = scale_to_scatter(fit_baseline(view, start, steps=0))
     o = about_settings(o)
     progress("comparing every cause of the catalogue, alone and in pairs")
-    s = search(o)
+    every = assemble_library(o)
+    s = search(o, every)
     if nominal:
         progress("again, about the constants that belong to what was found")
         o = about_causes(s)
-        s = search(o)
+        every = assemble_library(o)
+        s = search(o, every)
     if more := likely_wandering_noises(s):
         who = f"accelerometer {more[0].single_walk}" if more[0].single_walk else "all accelerometers"
         progress(f"again, as {who} may wander")
-        s = search(o, nodes=(*possible_noises(o), *more))
+        s = search(o, every, (*possible_noises(o), *more))
     return s
 
 

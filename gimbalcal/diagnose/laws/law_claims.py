@@ -181,7 +181,7 @@ def law_of_searches(
     law then has to be 1000 times as likely, and they are doubtful where formulas together are likelier.
     """
     searches = ranked.searches
-    b, nodes = _sought(ranked, nodes, alone=bool(instead))
+    b = _sought(ranked, nodes, alone=bool(instead))
     g, every = b.ground, b.laws
     best_else = _best_else(ranked)
     best, others = chosen(g, every, best_else + (TOGETHER + NAMED) * bool(instead) - b.ln_known)
@@ -222,16 +222,17 @@ def law_of_searches(
     return Lawful(laws, advice, tuple(zip(fits, remainders, strict=True)), ln_total=b.ln_known + best.evidence)
 
 
-def _sought(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> tuple[Beside, Sequence[Node]]:
-    """Return the laws that explain most, and the noise of each recording in which they were sought.
+def _sought(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> Beside:
+    """Return the laws that explain most in the likeliest noise of each recording without a law, or in the stated one.
 
-    That is the likeliest noise without a law, or the stated one: a noise that explains what a law adds hides the law,
-    as what is switched looks like the walk of a sensor. The evidence is that over all noises in either case.
+    A noise that explains what a law adds hides the law, as what is switched looks like the walk of a sensor. The
+    evidence is that over all noises in either case.
     """
     stated = [nominal_noise(s.fit) for s in ranked.searches]
     among = [nodes] if [n.name for n in nodes] == [n.name for n in stated] else [nodes, stated]
-    each = [(b, own) for own in among if (b := compared(ranked.searches, own, ranked, alone)) is not None]
-    return max(each, key=lambda sought: sought[0].total)  # every recording of known attitude has outputs
+    best = compared(ranked.searches, among, ranked, alone)
+    assert best is not None  # every recording of known attitude has outputs
+    return best
 
 
 def leave_more_than_noise(ranked: Ranking, members: Sequence[int]) -> bool:
@@ -445,9 +446,16 @@ def _whitened(s: Search, law: Law) -> tuple[Node, Array, Array, Array]:
 def _compared_in(m: Fit, s: Search, sigma: Array, alone: bool = True) -> Beside | None:
     """Return the laws of a view, in noise of `sigma` (n, C), that no two events show; alone: without a known cause."""
     one = float(np.sqrt(np.mean(m.view.noise.weighted(sigma) ** 2)))
-    b = compared([s], possible_noises(m, memory=False), s, alone=alone, sigma=one)
-    strong = [law for law in b.laws if law.evidence >= CLAIM] if b else []
-    return b and replace(b, laws=[law for law in strong if _evidence_without_two_groups(b.searches[0], law) > 0])
+    b = compared([s], [possible_noises(m, memory=False)], s, alone=alone, sigma=one)
+    if b is None:
+        return None
+    laws = list[Law]()
+    for law in b.laws:
+        if law.evidence < max([CLAIM, *(best.evidence - 2 * TOGETHER for best in laws[:1])]):
+            break  # what is said of a law is said of those near the best
+        if _evidence_without_two_groups(b.searches[0], law) > 0:
+            laws.append(law)
+    return replace(b, laws=laws)
 
 
 def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawful, Fit]:

@@ -32,6 +32,7 @@ from gimbalcal.diagnose.laws.expressions import (
     POWERS,
     Expression,
     Family,
+    TermGroup,
     between,
     grids,
     pairs,
@@ -43,13 +44,16 @@ from gimbalcal.diagnose.laws.expressions import (
 from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.effects import Stimulus
 from gimbalcal.inference.algebra import orthonormal, orthonormal_columns
+from gimbalcal.inference.levenberg import minimise
 from gimbalcal.number import Array
 
 WEIGHED = 60  # expressions whose evidence is worked out in full
 REFINED = (20, 16, 4)  # of these, the best of one, two and three terms are refined in their constants
 EXTENDED = (6, 6, 0)  # of these, richer forms are tried in the place of theirs
 SHARE_OF_TRIADS = 3  # by which these numbers are divided for laws of all axes
-ROUNDS = 70  # steps of a refinement for each constant
+ROUNDS = 70  # steps of a refinement of what jumps for each constant
+DIFFERENCE = 1e-4  # of the first step of a constant: for derivatives
+SETTLED, GAIN, MOST_STEPS = 1e-3, 1e-6, 30  # of the first step, and of the misfit, at which a refinement has arrived
 CHUNK = 100  # families at a time
 ROWS = 900  # rows of a recording on which expressions are compared
 ABSORBED = 3e-2  # of a column: less left by the calibration is nothing to speak of
@@ -196,6 +200,16 @@ class Law:
         """The rows (n', C, q m) that a unit of each coefficient adds, the m of each of q places after the other."""
         return _columns_at(self.places, self.expression.columns)
 
+    def places_in(self, g: Ground) -> tuple[Place, ...]:
+        """Return its places in another ground of the same recordings."""
+        keys = [(p.channel, p.axis) for p in self.places]
+        return tuple(p for p in g.places if (p.channel, p.axis) in keys)
+
+    def columns_in(self, g: Ground) -> Array:
+        """Return columns (n', C, m) of rms one that span those of the law in another ground."""
+        places = self.places_in(g)
+        return _columns_at(places, spanned(self.expression.of({v.name: v for v in places[0].variables}).columns))
+
     @property
     def channel(self) -> str:
         """The channel of its places."""
@@ -251,24 +265,35 @@ class Law:
         return [(m, float(np.sqrt(C[k, k]))) for k, m in enumerate(moves)]
 
 
-def laws_of(g: Ground, products: bool = True) -> list[Law]:
-    """Expressions that explain something, by evidence, best first; of those that are one in this recording each.
+def laws_of(grounds: Sequence[Ground], products: bool = True) -> list[list[Law]]:
+    """Return for each ground the expressions that explain something, by evidence, best first; of those that are one in
+    this recording each.
 
-    products: whether to look at products too, or at single terms alone.
+    The grounds are of the same recordings, each in a noise and beside what is known there, so that an expression is
+    evaluated once for all. products: whether to look at products too, or at single terms alone.
     """
-    scored, number = list[Scored](), np.zeros(3)
-    for targets in _alike(g):
-        own, count = _compared(targets, products)
-        scored += own
-        number += len(targets) * count
-    if not scored:
-        return []  # nothing is left that any would take away
+    scored, number = [list[Scored]() for _ in grounds], np.zeros((len(grounds), 3))
+    alike: dict[tuple[int, int, int], dict[int, list[Target]]] = {}
+    for k, g in enumerate(grounds):
+        for key, targets in _alike(g).items():
+            alike.setdefault(key, {})[k] = targets
+    for each in alike.values():
+        laws = _families(next(iter(each.values())), products)
+        lengths = {(" * ".join(own.terms[0].family for own in law), len(law)) for law in laws}
+        count = np.bincount([length for _, length in lengths], minlength=4)[1:]
+        for k, own in zip(each, _best(list(each.values()), laws), strict=True):
+            scored[k] += own
+            number[k] += len(each[k]) * count
+    return [_weighed(*own) for own in zip(grounds, scored, number, strict=True)]
+
+
+def _weighed(g: Ground, scored: list[Scored], number: Array) -> list[Law]:
+    """Return the best expressions as laws, by evidence; number (3,) of families of each length that were looked at."""
     chosen = list[tuple[Target, Expression]]()
     for several, share in ((False, 1), (True, SHARE_OF_TRIADS)):
-        own = [s for s in scored if (len(s[1].places) > 1) is several]
-        chosen += _extended_and_refined(own, share)
+        chosen += _extended_and_refined([s for s in scored if (len(s[1].places) > 1) is several], share)
     if not chosen:
-        return []
+        return []  # nothing is left that any would take away
     chosen = [(target, e.of({v.name: v for v in target.places[0].variables})) for target, e in chosen]
     ln = g.evidence([_columns_at(target.places, spanned(e.columns)) for target, e in chosen])
     laws = []
@@ -278,13 +303,14 @@ def laws_of(g: Ground, products: bool = True) -> list[Law]:
     return sorted(laws, key=lambda law: -law.evidence)
 
 
-def weighed_in(g: Ground, law: Law) -> Law:
-    """Return a law with its evidence in another ground of the same recordings."""
-    keys = [(p.channel, p.axis) for p in law.places]
-    places = tuple(p for p in g.places if (p.channel, p.axis) in keys)
-    e = law.expression.of({v.name: v for v in places[0].variables})
-    gained = g.evidence([_columns_at(places, spanned(e.columns))])[0]
-    return Law(places, e, float(gained - law.cost), block_response(g, places), law.cost)
+def weighed_in(g: Ground, laws: Sequence[Law]) -> list[Law]:
+    """Return laws with their evidence in another ground of the same recordings."""
+    out, ln = list[Law](), g.evidence([law.columns_in(g) for law in laws]) if laws else ()
+    for law, gained in zip(laws, ln, strict=True):
+        places = law.places_in(g)
+        e = law.expression.of({v.name: v for v in places[0].variables})
+        out.append(Law(places, e, float(gained - law.cost), block_response(g, places), law.cost))
+    return out
 
 
 Scored = tuple[float, "Target", Expression]  # what an expression explains at a target
@@ -300,7 +326,7 @@ def _extended_and_refined(scored: list[Scored], share: int) -> list[tuple[Target
         n = len(e.terms) - 1
         if richer[n] < EXTENDED[n] // share and (more := relatives(e, len(target.places) > 1)):
             richer[n] += 1  # of those that may become something else
-            scored += _best([target], more)
+            scored += _best([[target]], more)[0]
     out = list[tuple[Target, Expression]]()
     for _, target, e in sorted(scored, key=lambda f: -f[0]):
         n = len(e.terms) - 1
@@ -334,12 +360,13 @@ class Target:
         return self.of_all.at(self.at)
 
 
-def _alike(g: Ground) -> list[list[Target]]:
+def _alike(g: Ground) -> dict[tuple[int, int, int], list[Target]]:
     """Return the places that show additions, those together in which the same variables stand."""
     alike: dict[tuple[int, int, int], list[Place]] = {}
     for place in g.places:
         alike.setdefault((id(place.stimulus), len(place.block), len(place.variables)), []).append(place)
-    return [own for places in alike.values() if (own := _targets(places, block_response(g, places)))]
+    each = ((key, _targets(places, block_response(g, places))) for key, places in alike.items())
+    return {key: own for key, own in each if own}
 
 
 def _targets(places: Sequence[Place], response: BlockResponse) -> list[Target]:
@@ -354,16 +381,15 @@ def _targets(places: Sequence[Place], response: BlockResponse) -> list[Target]:
     return [Target(tuple(places[k] for k in own), own, response) for own in each]
 
 
-def _compared(targets: Sequence[Target], products: bool) -> tuple[list[Scored], Array]:
-    """Return the best expressions at places of the same variables, and the number of families of each length (3,)."""
+def _families(targets: Sequence[Target], products: bool) -> list[Family]:
+    """Return the expressions that are looked at, at places of the same variables."""
     place, rows = targets[0].places[0], targets[0].of_all.rows
     every = [terms(v, place.stimulus, ALONE[v.group], rows) for v in place.variables]
     laws = [*((grid,) for own in every for grid in grids(own)), *tables(place.variables, rows, products)]
     if products:
         slow = [terms(v, place.stimulus, MULTIPLIED[v.group], rows) for v in place.variables]
         laws += [*pairs(slow), *triples(slow)]
-    lengths = [length for _, length in {(" * ".join(own.terms[0].family for own in law), len(law)) for law in laws}]
-    return _best(targets, laws), np.bincount(lengths, minlength=4)[1:]
+    return laws
 
 
 def free(law: Law) -> int:
@@ -435,27 +461,33 @@ def _unusual(place: Place, e: Expression) -> float:
     return UNUSUAL * (sum(v.group == of for v in e.variables) + sum(t.form.key in RARE for t in e.terms))
 
 
-def _best(targets: Sequence[Target], laws: Sequence[Family]) -> list[Scored]:
-    """Return the best families of each length at each target, at their best constants; at several places those that are
-    better than at one.
+def _best(grounds: Sequence[Sequence[Target]], laws: Sequence[Family]) -> list[list[Scored]]:
+    """Return for each ground the best families of each length at each of its targets, at their best constants; at
+    several places those that are better than at one.
 
-    What they explain is less the cost of coefficients and grid.
+    What they explain is less the cost of coefficients and grid. The means of an expression are formed once.
     """
-    tops: list[dict[str, tuple[float, Expression]]] = [{} for _ in targets]
+    tops = [[dict[str, tuple[float, Expression]]() for _ in targets] for targets in grounds]
     for k in range(0, len(laws), CHUNK):
         by_width: dict[int, list[tuple[Family, Array]]] = {}
         for law in laws[k : k + CHUNK]:
-            B = targets[0].of_all.means(law)
+            B = grounds[0][0].of_all.means(law)
             if B.shape[1] <= COEFFICIENTS or law[0].terms[0].form.key == "table":
                 by_width.setdefault(B.shape[1], []).append((law, B))
         for m, own in by_width.items():
-            each = gains(targets[0].of_all, np.concatenate([B for _, B in own], axis=-1)) - 2.0 * m
-            ends = np.cumsum([B.shape[2] for _, B in own])[:-1]
-            for target, top in zip(targets, tops, strict=True):
-                worths = np.split(each[target.at].sum(axis=0), ends)
-                for gain, e in (_best_of(law, w) for (law, _), w in zip(own, worths, strict=True) if w.max() > 0):
-                    if gain > top.get(e.family, (0.0, e))[0]:
-                        top[e.family] = gain, e
+            columns, ends = np.concatenate([B for _, B in own], axis=-1), np.cumsum([B.shape[2] for _, B in own])[:-1]
+            for targets, of_ground in zip(grounds, tops, strict=True):
+                each = gains(targets[0].of_all, columns) - 2.0 * m
+                for target, top in zip(targets, of_ground, strict=True):
+                    worths = np.split(each[target.at].sum(axis=0), ends)
+                    for gain, e in (_best_of(law, w) for (law, _), w in zip(own, worths, strict=True) if w.max() > 0):
+                        if gain > top.get(e.family, (0.0, e))[0]:
+                            top[e.family] = gain, e
+    return [_best_by_length(targets, own) for targets, own in zip(grounds, tops, strict=True)]
+
+
+def _best_by_length(targets: Sequence[Target], tops: Sequence[dict[str, tuple[float, Expression]]]) -> list[Scored]:
+    """Return the best families of each length at each target, at several places those that are better than at one."""
     single = {target.places[0]: top for target, top in zip(targets, tops, strict=True) if len(target.places) == 1}
     out = list[Scored]()
     for target, top in zip(targets, tops, strict=True):
@@ -559,24 +591,59 @@ def _moved(e: Expression, moves: Sequence[_Move], u: Sequence[float] | Array) ->
 
 
 def _refined(response: BlockResponse, e: Expression) -> Expression:
-    """The expression with its smooth constants where they take away most."""
-    from scipy.optimize import minimize
-
+    """The expression with its constants where they take away most."""
     for i, k in [(i, k) for i, t in enumerate(e.terms) for k in range(len(t.constants))]:
-        others = [e.replaced((*e.terms[:i], moved, *e.terms[i + 1 :])) for moved in between(e.terms[i], k)]
-        e = max([e, *others], key=lambda tried: _worth(response, tried))
+        near = TermGroup((e.terms[i], *between(e.terms[i], k)))
+        family = tuple(near if n == i else TermGroup((t,)) for n, t in enumerate(e.terms))
+        best = int(np.argmax(gains(response, response.means(family)).sum(axis=0)))
+        e = e.replaced((*e.terms[:i], near.terms[best], *e.terms[i + 1 :]))
     moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
     if not moves:
         return e
-    begun, steps = np.zeros(len(moves)), np.array([m.step for m in moves])
+    jumps = any(e.terms[m.i].form.key in JUMPS for m in moves)
+    other = _moved(e, moves, (_by_simplex if jumps else _by_derivatives)(response, e, moves))
+    return other if _worth(response, other) > _worth(response, e) else e
+
+
+def _by_simplex(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:
+    """Return the best constants of what jumps, which has no derivatives."""
+    from scipy.optimize import minimize
 
     def cost(u: Array) -> float:
         return -_worth(response, _moved(e, moves, u))
 
+    begun, steps = np.zeros(len(moves)), np.array([m.step for m in moves])
     simplex = np.concatenate([begun[None], np.diag(steps)])
-    minimum = minimize(cost, begun, method="Nelder-Mead", options={
+    found = minimize(cost, begun, method="Nelder-Mead", options={
         "maxfev": ROUNDS * len(moves), "initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-2})  # fmt: skip
-    return _moved(e, moves, minimum.x) if minimum.fun < cost(begun) else e
+    return np.asarray(found.x)
+
+
+def _by_derivatives(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:
+    """Return the best constants of a smooth expression, its coefficients following them.
+
+    Kaufman's variable projection: of the derivative of the columns that part counts which they do not span themselves.
+    """
+    steps = np.array([m.step for m in moves])
+
+    def shown(u: Array) -> Array:
+        B = response.means_of(_moved(e, moves, u * steps))
+        X, taken = response.root @ B, response.absorbed @ B
+        square, hidden = (X**2).sum(axis=1), (taken**2).sum(axis=1)
+        return np.where((square > ABSORBED**2 * (square + hidden))[:, None], X, 0.0)
+
+    def model(u: Array, _: Array) -> tuple[Array, Array]:
+        A = shown(u[0])
+        derivative = np.stack([shown(u[0] + DIFFERENCE * one) - A for one in np.eye(len(steps))], axis=-1) / DIFFERENCE
+        length = np.sqrt((A**2).sum(axis=1, keepdims=True))
+        unit = A / np.where(length > 0, length, 1.0)
+        inverse = np.linalg.inv(np.swapaxes(unit, 1, 2) @ unit + RIDGE * np.eye(A.shape[2])) @ np.swapaxes(unit, 1, 2)
+        size = (inverse @ response.y[..., None])[..., 0]
+        rest = response.y - (unit @ size[..., None])[..., 0]
+        moved = np.einsum("prmk,pm->prk", derivative, size / np.where(length > 0, length, np.inf)[:, 0])
+        return rest.reshape(1, -1), -(moved - unit @ (inverse @ moved)).reshape(1, rest.size, -1)
+
+    return minimise(model, np.zeros((1, len(moves))), SETTLED, MOST_STEPS, GAIN).x[0] * steps
 
 
 def aliases(g: Ground, law: Law) -> list[Law]:

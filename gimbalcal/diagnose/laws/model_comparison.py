@@ -55,30 +55,33 @@ class Beside:
 
 
 def compared(
-    searches: Sequence[Search], nodes: Sequence[Node], ranked: Ranking, alone: bool, sigma: float = 1.0
+    searches: Sequence[Search], among: Sequence[Sequence[Node]], ranked: Ranking, alone: bool, sigma: float = 1.0
 ) -> Beside | None:
     """Return the laws of one view, or of several of one unit, with the known cause with which they say most.
 
-    nodes: the likeliest noise of each; ranked: all that was weighed; alone: without a known cause; sigma: of a row, in
-    the unit of reduced rows. None where no addition to a sensor or gimbal shows.
+    among: noises of each recording in which laws are sought, of which that counts in which they say most by themselves;
+    ranked: all that was weighed; alone: without a known cause; sigma: of a row, in the unit of reduced rows. None where
+    no addition to a sensor or gimbal shows.
     """
 
-    def common_ground(own: Sequence[Search]) -> Ground | None:
+    def common_ground(own: Sequence[Search], nodes: Sequence[Node]) -> Ground | None:
         each = [g for s, node in zip(own, nodes, strict=True) if (g := ground(s, node, sigma)) is not None]
         return together(each) if len(each) == len(own) else None
 
-    g = common_ground(searches)
-    if g is None:
+    shown = [(g, nodes) for nodes in among if (g := common_ground(searches, nodes)) is not None]
+    if not shown:
         return None
-    by_itself, others = laws_of(g), list[Beside]()
-    for h in () if alone else _likely(ranked):
-        member = h.members[0]
-        own = tuple(with_cause(s, ranked.within((member,), k)) for k, s in enumerate(searches))
-        if (ground_beside := common_ground(own)) is not None:
-            laws = laws_of(ground_beside, products=False)
-            others.append(Beside(ground_beside, laws, ranked.library.candidates[member], h.ln_weight, own))
-            by_itself += [weighed_in(g, law) for law in laws[:1]]
-    best = Beside(g, sorted(by_itself, key=lambda law: -law.evidence), searches=tuple(searches))
+    found = zip(laws_of([g for g, _ in shown]), shown, strict=True)
+    laws, (g, nodes) = max(found, key=lambda own: max((law.evidence for law in own[0]), default=-np.inf))
+    likely = () if alone else _likely(ranked)
+    known = [tuple(with_cause(s, ranked.within(h.members, k)) for k, s in enumerate(searches)) for h in likely]
+    grounds = [own for with_known in known if (own := common_ground(with_known, nodes)) is not None]
+    others = [
+        Beside(own, more, ranked.library.candidates[h.members[0]], h.ln_weight, with_known)
+        for own, more, h, with_known in zip(grounds, laws_of(grounds, products=False), likely, known, strict=True)
+    ]
+    more = weighed_in(g, [law for other in others for law in other.laws[:1]])
+    best = Beside(g, sorted([*laws, *more], key=lambda law: -law.evidence), searches=tuple(searches))
     for other in others:
         best = _better(best, other, ranked)
     return best

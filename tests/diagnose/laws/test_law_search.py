@@ -8,11 +8,23 @@ import pytest
 import sympy
 
 from gimbalcal.diagnose.entry import diagnose
+from gimbalcal.diagnose.laws import law_search
 from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Term, pairs, relatives, terms, triples
 from gimbalcal.diagnose.laws.law_claims import chosen
 from gimbalcal.diagnose.laws.law_file import _with as printed_form
 from gimbalcal.diagnose.laws.law_file import stated
-from gimbalcal.diagnose.laws.law_search import Ground, Law, Place, block_response, centred, spanned, trimmed
+from gimbalcal.diagnose.laws.law_search import (
+    BlockResponse,
+    Ground,
+    Law,
+    Place,
+    block_response,
+    centred,
+    gains,
+    laws_of,
+    spanned,
+    trimmed,
+)
 from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.units import to_si
 from gimbalcal.views.known_attitude import view_at_known_attitude
@@ -207,6 +219,43 @@ def test_a_jump_is_put_in_the_middle_of_where_the_data_allow_it():
     below, beyond = rows[29:31]
     jump = centred(g, law("above", 50.0, below + 0.01 * (beyond - below)))
     assert jump.expression.terms[0].constants[0] == pytest.approx((below + beyond) / 2, abs=0.2 * (beyond - below))
+
+
+def counted(monkeypatch, name):
+    """The calls of a method of `BlockResponse`, as they are made."""
+    calls, method = [], getattr(BlockResponse, name)
+
+    def asked(self, what):
+        calls.append(what)
+        return method(self, what)
+
+    monkeypatch.setattr(BlockResponse, name, asked)
+    return calls
+
+
+def test_smooth_constants_are_refined_to_the_largest_likelihood_in_few_evaluations(monkeypatch):
+    """An onset at 22 degC with the power 1.6, from the next values of the grid; a simplex takes three times as many."""
+    _, law = curved(30.0)
+    begun = law("onset", 0.0, 21.5, 2.0)
+    calls = counted(monkeypatch, "means_of")
+    found = law_search._refined(begun.response, begun.expression)
+    assert len(calls) < 45
+    lattice = [begun.expression.at([(0, 0, c), (0, 1, p)])
+               for c in np.linspace(21.8, 22.2, 41) for p in np.linspace(1.4, 1.8, 41)]  # fmt: skip
+    columns = np.stack([begun.response.means_of(e) for e in (found, *lattice)], axis=-1)
+    worth = gains(begun.response, columns)[0]
+    assert worth[0] > worth.max() - 1e-3
+    assert found.terms[0].constants == pytest.approx((22.0, 1.6), abs=0.05)
+
+
+def test_a_formula_is_evaluated_once_for_all_noises(monkeypatch):
+    g, _ = curved(30.0)
+    monkeypatch.setattr(law_search, "_weighed", lambda *own: own)
+    calls = counted(monkeypatch, "means")
+    (_, one, number), (_, other, _) = laws_of([g, replace(g, y=g.y / 2)], products=False)
+    assert len(one) == len(other) > 10
+    assert one[0][0] == pytest.approx(4 * other[0][0], rel=0.2)
+    assert len(calls) == len(set(map(id, calls))) >= number.sum()
 
 
 def test_no_wave_is_switched_that_does_not_come_round():
