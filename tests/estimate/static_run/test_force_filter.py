@@ -140,7 +140,7 @@ def test_the_squares_of_eq_20_are_counted_and_a_disagreement_is_said(monkeypatch
     assert difference > 3
     assert stage.in_words.endswith("which the squares in Eq. (20) explain")
     monkeypatch.setattr(
-        f"{convergence_history.__module__}.estimate", lambda total: estimate_state(total)._replace(x=2 * large)
+        f"{convergence_history.__module__}.estimate_state", lambda total: estimate_state(total)._replace(x=2 * large)
     )
     assert "filter and closed form disagree" in convergence_history(time, departure, u, sigma, G).in_words
 
