@@ -189,7 +189,10 @@ def refuse_too_little(title: str, Z: Array) -> None:
 
 
 def row_sigma(read: Readings, known: Sequence[Effect] = ()) -> Array:
-    """One sigma (C,) of a row. Raises InputError where neither the header nor three rows in a position tell it."""
+    """One sigma (C,) of a row. Raises InputError where neither the header nor three rows in a position tell it.
+
+    A stated noise of zero tells none: rows that scatter at all would then be infinitely many sigmas off.
+    """
     stated, visit = header_noise(read.recording), read.stimulus.visit
     silent = [q for q, _ in read.channels if q not in stated]
     if silent and not np.any(visit[2:] == visit[:-2]):
@@ -198,11 +201,12 @@ def row_sigma(read: Readings, known: Sequence[Effect] = ()) -> Array:
             "position to show it: write it into [noise] of recording.toml"
         )
     one = sample_sigma(read.recording, read.channels, read.residual(known))
-    force = [i for i, (q, _) in enumerate(read.channels) if q == FORCE and q in silent]
+    force = [i for i, (q, _) in enumerate(read.channels) if q == FORCE]
     if force and max(one[i] for i in force) < NOISELESS * read.recording.site.gravity:
+        lack = "do not scatter" if FORCE in silent else "are stated to have no noise"
         raise InputError(
-            f"the accelerometers of {read.recording.title!r} do not scatter, and without a noise nothing can be "
-            "weighed: write it into [noise] of recording.toml"
+            f"the accelerometers of {read.recording.title!r} {lack}, and without a noise nothing can be weighed: write "
+            "it into [noise] of recording.toml"
         )
     return np.maximum(one, STUCK) / np.sqrt(np.median(read.recording.weight))
 

@@ -9,6 +9,7 @@ import pytest
 
 from gimbalcal.diagnose import diagnose, known_noise
 from gimbalcal.diagnose.verdict.verify import verify
+from gimbalcal.errors import InputError
 from tests.diagnose.plant import UG, at_strength, known, on, record, strange, strength
 from tests.golden import golden_text, refused
 
@@ -28,6 +29,12 @@ def test_a_clean_recording_is_adequate():
     assert d.mismatch == ()
     assert d.fit["chi2_reduced_before"] == pytest.approx(1.0, abs=0.3)  # 270 degrees of freedom: 3.5 sigma
     assert d.provenance["false_alarm_rate_simulated"] <= 0.02
+
+
+def test_a_stated_noise_of_zero_tells_none():
+    made = record(np.random.default_rng(2))
+    with pytest.raises(InputError, match="are stated to have no noise, and without a noise nothing can be weighed"):
+        diagnose([replace(made, noise={**made.noise, "accelerometer": 0.0})])
 
 
 @pytest.mark.parametrize(("name", "axis"), [("asymmetry", 1), ("scale T", 2), ("two-cycle", 0), ("friction", 0)])
