@@ -110,9 +110,10 @@ class TurningSearch:
             parts.append((self._turning(at, (axis, steps)), 1))
             at = (at[0] + steps, at[1]) if axis == 0 else (at[0], at[1] + steps)
             parts.append((self._still(at, stop / count), count))
+        times = np.repeat([n for _, n in parts], [len(part.time) for part, _ in parts])
+        each = np.repeat(np.arange(len(times)), times)  # a stop is one stretch, many times
         whole = StretchModel(*(
-            np.concatenate([np.repeat(getattr(part, name), n, axis=0) for part, n in parts])
-            for name in ("time", "Phi", "Psi", "Q")
+            np.concatenate([getattr(part, name) for part, _ in parts])[each] for name in ("time", "Phi", "Psi", "Q")
         ))  # fmt: skip
         return cramer_rao_sigmas(whole.innovations(self.experiment.noise).rows.reshape(-1, len(self.experiment.wanted)))
 
