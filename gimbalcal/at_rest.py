@@ -34,6 +34,7 @@ UNITS: Mapping[str, tuple[str, str, str]] = {
     "angular_rate": ("deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)"),
 }
 MAX_LATE = 0.01  # of the rows, that a clock without jitter stamps late because rows before them are missing
+SHAKEN = 3.0  # times the usual variance from row to row: a rest in the hand beside others on a table
 MAX_WAIT = 2.5  # steps, that such a row is late
 
 
@@ -208,7 +209,7 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
         raise InputError(f"{recording.title!r} is a pointing run: no inertial sensor rests in it")
     out = []
     for each in recording.sensors:
-        stretches, step = _stretches(each)
+        stretches, step, _ = _quiet_stretches(each)
         for (quantity, axis), values in each.channels.items():
             if quantity not in UNITS:
                 continue
@@ -222,6 +223,25 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
     if not out:
         raise InputError(f"{recording.title!r} has no specific_force or angular_rate: so no noise can be determined")
     return tuple(out)
+
+
+def _quiet_stretches(recording: Recording) -> tuple[list[slice], float, int]:
+    """Return the stretches of `_stretches` in which no sensor is shaken, the step [s], and how many of them are.
+
+    There the mean square of the change from row to row is more than `SHAKEN` times its median over all rows at rest.
+    """
+    stretches, step = _stretches(recording)
+    rows = np.array([s.stop - s.start for s in stretches])
+    quiet = np.ones(len(stretches), dtype=bool)
+    for (quantity, _), x in recording.channels.items() if len(stretches) > 1 else ():
+        if quantity in UNITS:
+            changes = [np.abs(np.diff(x[s])) for s in stretches]
+            square = np.array([np.mean(change**2) for change in changes])
+            order = np.argsort(square)
+            usual = square[order][np.searchsorted(np.cumsum(rows[order]), rows.sum() / 2)]
+            quantised = min((float(change[change > 0].min()) for change in changes if np.any(change)), default=0.0)
+            quiet &= square <= SHAKEN * usual + quantised**2
+    return [s for s, kept in zip(stretches, quiet, strict=True) if kept] or stretches, step, int(np.sum(~quiet))
 
 
 def _stretches(recording: Recording) -> tuple[list[slice], float]:
@@ -286,10 +306,11 @@ def rest_noise(recording: Recording) -> RestNoise:
     Raises InputError as `noise_at_rest` does.
     """
     channels = noise_at_rest(recording)
-    first = channels[0].curve
+    first, shaken = channels[0].curve, max(_quiet_stretches(each)[2] for each in recording.sensors)
+    left_out = f"; {number_of(shaken, 'rest')} in which a sensor is shaken {'is' if shaken == 1 else 'are'} left out"
     return RestNoise(
         format=1,
-        in_words=in_words(channels),
+        in_words=in_words(channels) + (left_out if shaken else ""),
         rests=len(first.lengths),
         seconds=float(first.lengths.sum() * first.step),
         longest_s=float(first.lengths.max() * first.step),

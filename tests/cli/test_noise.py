@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal import from_arrays
-from gimbalcal.at_rest import StatedNoise, in_words, noise_at_rest, noise_header
+from gimbalcal.at_rest import StatedNoise, in_words, noise_at_rest, noise_header, rest_noise
 from gimbalcal.earth import G0
 from gimbalcal.recording import write
 from tests.golden import golden_text, refused
@@ -44,6 +44,19 @@ def test_density_is_found_in_one_rest_and_in_many(turns):
     stated = noise_header(channels)
     assert stated["accelerometer"] == StatedNoise(pytest.approx(100 * UG * np.sqrt(50), rel=0.03), "m/s^2")
     assert stated["gyroscope"] == StatedNoise(pytest.approx(0.3 * DEG / 60 * np.sqrt(50), rel=0.03), "rad/s")
+
+
+def test_rests_in_which_a_sensor_is_shaken_say_nothing_of_its_noise():
+    r = unit(turns=12)
+    rate = r.channels["angular_rate", "z"].copy()
+    rate[500:1500] += np.radians(0.3) * np.random.default_rng(3).standard_normal(1000)
+    noise = rest_noise(r.with_channels({("angular_rate", "z"): rate}))
+    assert noise.rests == 10
+    assert noise.channels[5].white_noise.value == pytest.approx(0.3, rel=0.03)
+    golden_text(noise.in_words)
+    coarse = np.round(r.channels["angular_rate", "z"] / np.radians(0.3)) * np.radians(0.3)
+    coarse[::100] += np.radians(0.3)  # a step now and then is all that such a channel shows
+    assert rest_noise(r.with_channels({("angular_rate", "z"): coarse})).rests == 12
 
 
 def test_stamps_of_rows_that_waited_to_be_read_leave_a_rest_whole():
