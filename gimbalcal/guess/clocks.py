@@ -219,8 +219,8 @@ def regular_column(log: Log) -> str:
 
 
 def counts_rows(x: Array) -> bool:
-    """Return whether a column (n,) is the number of each row, from 0 or 1 on."""
-    return bool(x[0] in (0.0, 1.0) and np.all(np.diff(x) == 1))
+    """Return whether a column (n,) is the number of each row, and does not state seconds of this century."""
+    return bool(np.all(np.diff(x) == 1)) and not unit_of_epoch(x)
 
 
 def in_unit(log: Log, unit: str) -> Log:

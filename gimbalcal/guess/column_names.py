@@ -21,7 +21,7 @@ def by_spelling(spellings: Mapping[str, str]) -> dict[str, str]:
 # Words of English, German and French, as `plain` leaves them.
 _TIME = re.compile(
     r"^(time|times|timestamp|timestamps|stamp|clock|date_time|date|datetime|utc|zeit|zeitstempel|messzeit|uhrzeit|temps|heure"
-    r"|hora|tiempo|ora|tijd|tid|epoch|mjd|jd|yday|doy|jday|decimal_day|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds"
+    r"|hora|tiempo|ora|tijd|epoch|mjd|jd|yday|doy|jday|decimal_day|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds"
     r"|millis|milliseconds|micros|microseconds|nanos|nanoseconds|ms|us|ns|s|elapsed|seconds_elapsed)(_|$)"
 )
 _FORCE_WORDS = (
@@ -29,7 +29,7 @@ _FORCE_WORDS = (
     "|beschleunigung|beschl|specific_force|spezifische_kraft|force|kraft|fs|fb|f|a"
 )
 _RATE_WORDS = (
-    "angular_velocity|angular_rate|ang_vel|angvel|ang_rate|gyro_rotation|rotation_rate|rot_rate|gyroscope|gyro|gyr|omega"
+    "angular_velocity|angular_rate|ang_vel|angvel|ang_v|ang_rate|gyro_rotation|rotation_rate|rot_rate|gyroscope|gyro|gyr|omega"
     "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|rate|om|rot|wb|w|g"
 )
 _QUALIFIERS = (
@@ -209,7 +209,8 @@ def by_name(name: str, hint: str = "") -> Guess | None:
     if (timed := _time(words)) is not None or (timed := _time(member)) is not None:
         return Guess("time", "", timed, why)
     if _TEMPERATURE.search(words) and not NOT_A_TRIAD.intersection(words.split("_")):
-        return Guess("temperature", "", unit_written(words) or "degC", why)
+        unit = unit_written(words) or "degC"
+        return None if unit == "count" else Guess("temperature", "", unit, why)
     if _POSITION.match(words):
         return Guess("position", "", "", why)
     triad = _triad(words)

@@ -34,6 +34,10 @@ _PAIR = re.compile(rf"""(?<![\w."])"?([A-Za-z]\w*(?:\[\d\])?)"?\s*[:=]\s*({_VALU
 _LABELLED = re.compile(  # a digit before a number without any separator belongs to the number
     rf"(?<![\w.])([A-Za-z]\w*)(?:\s*[:=]\s*|\s+(?=\S)|(?<!\d)(?=[-+.\d]))({_VALUE})(?![\w.:])"
 )
+_VECTOR = (  # accel=(9480, -5408, -12188), GYRO: X=0.1,Y=-0.2,Z=0.3
+    re.compile(r"([A-Za-z]\w*)\s*[:=]\s*[(\[]" + r"[\s,;]+".join([rf"\s*({_VALUE})"] * 3) + r"\s*[)\]]"),
+    re.compile(r"([A-Za-z]\w*)\s*:\s*" + r"[\s,;]+".join(rf"{a}\s*[=:]\s*({_VALUE})" for a in "XYZ"), re.IGNORECASE),
+)
 _KIND = re.compile(r"[$%]?[A-Za-z][\w-]*:?")
 _COMMENT = ("#", "!", "//")
 
@@ -94,15 +98,19 @@ def _without_arrows(lines: Sequence[str]) -> list[str]:
 
 def _pairs(line: str) -> list[tuple[str, str]]:
     """Return names with their numbers, where a line has three or more, or two or more and nothing else but a time of
-    arrival; those of JSON by their path.
+    arrival; those of JSON by their path, and the three of a vector by its name and axis.
     """
-    text, fewest = _STAMPED.sub("", line), 3
+    fewest = 3
     if line.lstrip().startswith("{"):
         pairs = _json_pairs(line)
-    elif not _LABELLED.sub("", text).strip(" ,;|\t"):
-        pairs, fewest = _LABELLED.findall(text), 2
     else:
-        pairs = _PAIR.findall(line)
+        for vector in _VECTOR:
+            line = vector.sub(r"\1_x=\2 \1_y=\3 \1_z=\4", line)
+        text = _STAMPED.sub("", line)
+        if not _LABELLED.sub("", text).strip(" ,;|\t"):
+            pairs, fewest = _LABELLED.findall(text), 2
+        else:
+            pairs = _PAIR.findall(line)
     return pairs if len(pairs) >= fewest and len({name for name, _ in pairs}) == len(pairs) else []
 
 

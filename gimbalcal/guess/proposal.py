@@ -71,7 +71,7 @@ NOISE_FROM_ROWS = "taken from the rows, where nothing is stated"
 
 
 class _MovingUnitError(InputError):
-    """The unit moves even where its accelerometers are quiet; no other unit of its gyroscopes would change that."""
+    """The unit never rests, or moves even where its accelerometers are quiet; no unlikely unit would change that."""
 
 
 @dataclass(frozen=True)
@@ -443,7 +443,7 @@ def _in_units(log: Log, context: _Context) -> Proposal:
         hold = "hold the unit still for some seconds in each of six or more attitudes"
         hold = hold if log.has(FORCE) else "leave the gyroscopes alone for some minutes for `gimbalcal noise`"
         own = f"; {attitude}" if (attitude := notes.get("attitude")) else ""
-        raise (_MovingUnitError if removed else InputError)(
+        raise _MovingUnitError(
             f"{context.title}: no rest is found that lasts a second and takes some {100 * LEAST_AT_REST:g} % of the "
             f'time{turn}; {hold}, or write a header with kind = "rotation" and use `gimbalcal import csv`{own}'
         )

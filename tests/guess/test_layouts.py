@@ -395,6 +395,29 @@ def test_labelled_lines_of_every_kind_make_a_table(form, tmp_path):
     assert forces.skipped + rates.skipped == 1
 
 
+@pytest.mark.parametrize(
+    "form",
+    [
+        "I (82) boot 0x68: t_ms={:.0f} accel=({:.7g}, {:.7g}, {:.7g}) temp_raw=4046 gyro=[{:.7g} {:.7g} {:.7g}]",
+        "millis: {:.0f},EULER(deg): R=1.70,P=9,Y=9,ACC: X={:.7g},Y={:.7g},Z={:.7g},GYRO: x:{:.7g} y:{:.7g} z:{:.7g}",
+    ],
+)
+def test_the_numbers_of_a_vector_are_called_after_it(form, tmp_path):
+    t, f, w = turned()
+    lines = [form.format(1000 * s, *a, *b) for s, a, b in zip(t, f, w, strict=True)]
+    (tmp_path / "v.log").write_text("\n".join(["ESP-ROM: esp32", "# ready", *lines]), encoding="utf-8")
+    same(propose([tmp_path / "v.log"]), t, f, w, 1e-5)
+
+
+def test_a_unit_that_never_rests_is_not_logged_in_minutes(tmp_path):
+    """What pauses for a fifth of a second rests for twelve seconds then."""
+    t = 0.0025 * np.arange(6000)
+    moving = np.sin(np.outer(t, [1.1, 1.7, 2.3])) * (np.mod(t, 2.0) > 0.2)[:, None]
+    w = moving + 0.002 * np.random.default_rng(2).standard_normal((6000, 3))
+    with refused():
+        propose([rows(tmp_path / "m.csv", "time,Gyr_X,Gyr_Y,Gyr_Z", t, *w.T)])
+
+
 @pytest.mark.parametrize("separator", ["", " ", ": ", " = "])
 def test_names_of_labelled_lines_end_where_the_number_begins(separator, tmp_path):
     """Values of any size and sign, and NaN where there is a separator, stay in the row; lines without one are counted.

@@ -196,7 +196,7 @@ def test_names_of_many_loggers():
         "accelerometer_x": ("specific_force", "x", ""), "GyroZ(dps)": ("angular_rate", "z", "deg/s"),
         "AccY (mg)": ("specific_force", "y", "mg"), "wx [rad/s]": ("angular_rate", "x", "rad/s"),
         "Temperature_C": ("temperature", "", "degC"), "gtemp": ("temperature", "", "degC"),
-        "IMUTemp2 (K)": ("temperature", "", "K"), "meas.t": ("time", "", ""),
+        "IMUTemp2 (K)": ("temperature", "", "K"), "meas.t": ("time", "", ""), "AngVX": ("angular_rate", "x", ""),
         "timestamp_ns": ("time", "", "ns"),
         "inner_deg": ("gimbal_angle", "inner", "deg"),
         "gyro_y_raw": ("angular_rate", "y", "count"), "acc_z_m/s^2": ("specific_force", "z", "m/s^2"),
@@ -206,7 +206,9 @@ def test_names_of_many_loggers():
         g = by_name(name)
         assert g is not None, name
         assert (g.quantity, g.axis, g.unit) == wanted, name
-    assert all(by_name(name) is None for name in ("mag_x", "note", "quality", "battery", "attempt", "s_x"))
+    assert all(
+        by_name(name) is None for name in ("mag_x", "note", "quality", "battery", "attempt", "s_x", "TID", "temp_raw")
+    )
     assert plain("Acc_X [m/s^2]") == "acc_x_m_s2"
 
 
