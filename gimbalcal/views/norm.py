@@ -128,20 +128,22 @@ def inverted(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
 def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
     """Return readings in counts or pulses as m/s^2, by a scale and an offset that are kept as nominal.
 
-    They are those of the ellipsoid through nine dwells or more; else of six faces, half of what an axis reads upward
-    less what it reads downward, and the mean of both.
+    They are those of six faces, half of what an axis reads upward less what it reads downward, and the mean of both;
+    else of the ellipsoid through nine dwells or more, whose size faces alone hardly show.
     """
     if not means.counted(FORCE):
         return means, None
     N = means.triad(FORCE)
     half, middle = (N.max(0) - N.min(0)) / 2, (N.max(0) + N.min(0)) / 2
     spread = half.mean()
-    solution = ellipsoid(((N - middle) / spread)[None])[0] if len(N) >= MIN_POINTS else np.full(9, np.nan)
-    if np.isfinite(solution).all():
+    on_faces = bool(np.all(half > 0)) and _on_faces((N - middle) / half)
+    fits = len(N) >= MIN_POINTS and not on_faces
+    solution = ellipsoid(((N - middle) / spread)[None])[0] if fits else np.full(9, np.nan)
+    if on_faces:
+        scale, offset = means.site.gravity / half, middle
+    elif np.isfinite(solution).all():
         scale = solution[:3] * means.site.gravity / spread
         offset = middle - solution[3:6] / solution[:3] * spread
-    elif np.all(half > 0) and _on_faces((N - middle) / half):
-        scale, offset = means.site.gravity / half, middle
     else:
         unit = means.units.get((FORCE, "x"), "m/s^2")
         raise InputError(

@@ -13,6 +13,7 @@ from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, read
 from gimbalcal.recording.dwell import without_dwells
+from gimbalcal.views.norm import scaled_by_gravity
 from tests.paths import XSENS
 
 G = 9.8
@@ -173,3 +174,15 @@ def test_a_rest_that_a_row_marked_0_cuts_in_two_is_one():
     cut = inertial_unit(replace(several, time=np.arange(90.0), position=position), LINEAR)
     np.testing.assert_allclose(cut.values, inertial_unit(r, LINEAR).values, rtol=0.1, atol=1e-4)
     assert cut.outcome == ""
+
+
+def test_counts_of_faces_have_their_scale_from_these():
+    """An ellipsoid through them is any of a wide choice: one was a fifth as large along x."""
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        u = np.concatenate([np.eye(3), -np.eye(3), np.tile([0.0, 0.0, -1.0], (30, 1))])
+        u += 0.01 * rng.standard_normal(u.shape)
+        u /= np.linalg.norm(u, axis=1, keepdims=True)
+        y = 16384 * (u * [1.01, 0.99, 1.0] + [0.02, -0.01, 0.04] + 0.004 * rng.standard_normal(u.shape))
+        counts = scaled_by_gravity(replace(table(y), units={("specific_force", a): "count" for a in "xyz"}))[1]
+        np.testing.assert_allclose(np.array(counts.scale) * 16384 / G, [0.99, 1.01, 1.0], atol=0.015)
