@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.guess.column_names import plain
+from gimbalcal.guess.column_names import is_anonymous, plain
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE
@@ -34,6 +34,8 @@ def quaternions(log: Log) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield the stem and the columns w, x, y, z of four columns whose norm is 1."""
     stems: dict[str, dict[str, str]] = {}
     for name in log.unknown:
+        if is_anonymous(name):
+            continue
         if match := _COMPONENT.fullmatch(plain(re.sub(r"[\[(].*", "", name))):
             stems.setdefault(match["stem"], {})[match["which"]] = name
     for stem, own in stems.items():

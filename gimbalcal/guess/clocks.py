@@ -36,7 +36,9 @@ WRAP_PERIODS = {
     86400e6: "midnight",
     604800e3: "the end of a week of GPS",
     1e6: "10^6",
+    1e3: "the second",  # of ms beside a clock of whole seconds
 }
+MAX_WRAPS = 0.1  # of the rows
 MIN_RATE_HZ, MAX_RATE_HZ, USUAL_RATE_HZ = 0.05, 10_000.0, 100.0  # that inertial sensors are logged at
 COSTS = {"s": 0.0, "ms": 2.0, TICKS: 5.0, "us": 2.0, FILETIME: 9.0, "ns": 2.0, "min": 6.0, "h": 9.0, "d": 9.0}  # nats
 EPOCH_GAIN = 4.0  # nats, of a unit in which the clock states a day of this century; more where no log counts in it
@@ -126,7 +128,7 @@ def unwrapped(t: Array) -> tuple[Array, str]:
     step = np.diff(t)
     back = np.flatnonzero(step < 0)
     forward = step[step > 0]
-    if not len(back) or len(back) > 0.01 * len(t) or not len(forward):
+    if not len(back) or len(back) > MAX_WRAPS * len(t) or not len(forward):
         return t, ""
     median = float(np.median(forward))
     for period, name in WRAP_PERIODS.items():

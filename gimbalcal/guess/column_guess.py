@@ -40,6 +40,7 @@ MIN_ELLIPSOID_ROWS, MAX_OFF_ELLIPSOID = (
     0.02,
 )  # rows that show an ellipsoid, and how far from it most rests are, in g
 MAX_NUMBERED = 100  # rows that are numbered as positions although the force hardly turns: a count of samples has more
+MIN_REPEATED, MIN_READ_ROWS, UNLIKE_REPEATS = 0.4, 100, 3.0  # of the rows; others; times the usual number
 MIN_HELD_ROWS, MIN_PROBABILITY = 20, 1e-6  # equal rows of all sensors that may be held, and that chance leaves so
 
 
@@ -84,6 +85,8 @@ def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str], units: M
     log = _with_row_clock(path, log, rate, dwell_rows, table.rate)
     log, note = _without_held_rows(log)
     notes |= {"held": note} if note else {}
+    log, note = _without_repeated_rows(log)
+    notes |= {"repeated": note} if note else {}
     if not dwell_rows:  # the standard deviation of single samples follows from the rows
         log = log.without("sigma", "weight")
     elif log.has("sigma"):
@@ -185,6 +188,27 @@ def _without_held_rows(log: Log) -> tuple[Log, str]:
     count = int(np.count_nonzero(np.diff(repeated.astype(int)) > 0))
     where = f"{number_of(count, 'stretch', 'stretches')} in which the recorder held a row"
     return log.rows(~repeated), f"{number_of(int(np.count_nonzero(repeated)), 'row')} are left out, {where}"
+
+
+def _without_repeated_rows(log: Log) -> tuple[Log, str]:
+    r"""Return the log without rows of a logger that writes more often than its sensors are read, and a note on them.
+
+    All sensors then repeat the row before at once, about as often each time. Where each does by itself, as at rest in
+    coarse steps, they do with the product of their probabilities, :math:`\ln P = \sum_c \ln p_c`; half of that is
+    between the two. What repeats for as long as a rest lasts is one without noise.
+    """
+    sensors = [*log.values(FORCE), *log.values(RATE)]
+    same = [same for x in sensors if not (same := x[1:] == x[:-1]).all()]
+    alike = np.append(False, np.all(same, axis=0)) if len(same) >= 3 else np.zeros(1, dtype=bool)
+    if np.mean(alike) < MIN_REPEATED or np.count_nonzero(~alike) < MIN_READ_ROWS:
+        return log, ""
+    together, apart = np.log(np.mean(alike[1:])), sum(np.log(max(float(np.mean(s)), 1e-9)) for s in same)
+    times = np.sort(np.diff(np.flatnonzero(~alike), append=len(alike)))
+    usual = times[np.searchsorted(np.cumsum(times), len(alike) / 2)]  # of a row
+    if together < apart / 2 or usual > UNLIKE_REPEATS * np.median(times):
+        return log, ""
+    share = f"{100 * float(np.mean(alike)):.0f} % of the rows"
+    return log.rows(~alike), f"{share} repeat the one before in all sensors, and are left out"
 
 
 def _rows_are_dwells(log: Log) -> bool:

@@ -26,7 +26,7 @@ _TIME = re.compile(
 )
 _FORCE_WORDS = (
     "linear_acceleration|lin_acc|linacc|accelerometer_acceleration|accelerometer|acceleration|accelero|accel|accl|acc"
-    "|beschleunigung|beschl|specific_force|spezifische_kraft|force|kraft|fs|fb|f|a"
+    "|beschleunigung|beschl|specific_force|spezifische_kraft|force|kraft|fs|fb|gf|f|a"
 )
 _RATE_WORDS = (
     "angular_velocity|angular_rate|ang_vel|angvel|ang_v|ang_rate|gyro_rotation|rotation_rate|rot_rate|gyroscope|gyro|gyr|omega"

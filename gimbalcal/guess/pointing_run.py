@@ -60,6 +60,7 @@ _READOUT = _ANGLE_WORDS | {"pos", "position", "counter", "resolver", "servo", "a
 MIN_JUMP_DEG, MIN_AROUND_DEG, MIN_UP_DEG = 1.0, 90.0, 30.0  # of azimuths and elevations of stars without names
 MIN_CORRELATION, MAX_COLUMNS = 0.98, 6  # of a readout and a measurement of one axis; columns of such a table
 MAX_RATIO = 1.25  # of two columns, one of which goes round, that are both taken for angles of one axis
+MAX_TURNS = 100  # of an axis, beyond which a number is no angle in deg
 MAX_OFFSET_DEG = 1.0  # deg; offsets beyond are arcseconds
 ASSUMED_SENSE = "measured minus commanded, as most write it: nothing in the file says so"
 
@@ -133,6 +134,7 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
         and (is_anonymous(n) or _is_readout(n))
         and np.all(np.isfinite(x))
         and np.ptp(x) > 0
+        and np.max(np.abs(x)) < 360 * MAX_TURNS
     }
     pairs = [
         (a, b)

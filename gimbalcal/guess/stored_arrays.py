@@ -170,6 +170,8 @@ def _json(path: Path) -> Mapping[str, Any]:
         if isinstance(each, list) and len(each) > size and all(isinstance(row, dict) for row in each):
             rows = [{n: np.nan if x is None else x for n, x in leaves(row)} for row in each]
             best, size = {n: np.array([row.get(n, np.nan) for row in rows]) for n in rows[0]}, len(each)
+        elif isinstance(each, list):
+            pending += [inner for inner in each if isinstance(inner, list | dict)]
         elif isinstance(each, dict):
             lists = {n: x for n, x in each.items() if isinstance(x, list) and x and not isinstance(x[0], dict)}
             longest = max(map(len, lists.values()), default=0)

@@ -13,8 +13,10 @@ import pytest
 import scipy.io
 
 from gimbalcal.errors import InputError
+from gimbalcal.guess.attitude import quaternions
 from gimbalcal.guess.clocks import spread
 from gimbalcal.guess.column_values import by_order, by_similar_names, quantum
+from gimbalcal.guess.log import Log
 from gimbalcal.guess.message_log import leaves
 from gimbalcal.guess.proposal import Proposal, propose
 from gimbalcal.guess.text_table import table_of, tables_of
@@ -223,6 +225,36 @@ def _bare(folder, *columns):
     path = folder / "bare.csv"
     np.savetxt(path, np.column_stack(columns), delimiter=",", fmt="%.8g")
     return path
+
+
+def test_rows_of_a_logger_that_is_faster_than_the_sensors_are_left_out(tmp_path):
+    """At rest in coarse steps each sensor repeats by itself, and all of them at once now and then only."""
+    t, f, w = turned()
+    log = [np.repeat(x, 8, axis=0) for x in (f, w)]
+    path = rows(tmp_path / "held.csv", "t,ax,ay,az,gx,gy,gz", np.arange(8 * len(t)) * 0.0025, *log[0].T, *log[1].T)
+    found = propose([path])
+    np.testing.assert_allclose(found.recording.triad("specific_force"), f, atol=1e-4)
+    assert "repeat the one before" in found.notes["repeated"]
+    coarse = np.round(np.hstack([f, w]) + 0.01 * np.random.default_rng(5).standard_normal((len(t), 6)), 1)
+    same = np.mean(np.all(coarse[1:] == coarse[:-1], axis=1))
+    assert same > 0.4
+    kept = propose([rows(tmp_path / "coarse.csv", "t,ax,ay,az,gx,gy,gz", t, *coarse.T)])
+    assert len(kept.recording.time) == len(t)
+
+
+def test_lists_in_lists_of_json_hold_rows(tmp_path):
+    _, f, w = turned()
+    names = ("ax", "ay", "az", "gx", "gy", "gz")
+    strokes = [dict(zip(names, map(float, row), strict=True)) for row in np.hstack([f, w])]
+    path = tmp_path / "s.json"
+    path.write_text(json.dumps({"label": "A", "strokes": [[{"ax": 1.0}], strokes]}))
+    np.testing.assert_allclose(propose([path], rate=50.0).recording.triad("angular_rate"), w)
+
+
+def test_columns_without_names_are_no_attitude_by_their_name():
+    q = np.tile([[1.0], [0.0], [0.0], [0.0]], 50)
+    assert not [*quaternions(Log(dict(zip(("20", "21", "22", "23"), q, strict=True)), {}))]
+    assert [*quaternions(Log(dict(zip(("q0", "q1", "q2", "q3"), q, strict=True)), {}))]
 
 
 def test_rows_of_a_unit_in_motion_are_no_table_of_positions(tmp_path):

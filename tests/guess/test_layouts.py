@@ -170,6 +170,8 @@ def test_clocks_go_on_where_they_begin_again(tmp_path):
         whole, at = unwrapped(np.mod(x, period))
         np.testing.assert_allclose(np.diff(whole), 10.0)
         assert at
+    ms = unwrapped(np.mod(19.0 * np.arange(400) + 513, 1000))[0]  # beside a clock of whole seconds
+    np.testing.assert_allclose(np.diff(ms), 19.0)
     assert unwrapped(np.array([0.0, 1, 2, 0.5, 1.5, 2.5]))[1] == ""  # no period: a fault
 
 

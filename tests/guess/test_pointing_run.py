@@ -108,6 +108,8 @@ def test_two_columns_without_names_of_other_scales_are_not_both_angles(tmp_path)
         propose([write(tmp_path / "t.csv", "-710.0,845.0", command, np.round(2100 + 1.77 * command))])
     with refused():  # before a gear and behind it
         propose([write(tmp_path / "g.csv", "imu_pitch_deg,motor_pitch_pos_deg", command / 20, command)])
+    with refused():  # a place, in m
+        propose([write(tmp_path / "p.csv", "", -532700.0 + command, -6305509.0 - command)])
     run = propose([write(tmp_path / "u.csv", "axis_deg,axis_rad", command, np.radians(command + 1))]).recording
     turned = run.channels["true_angle", "table"] - run.channels["gimbal_angle", "table"]
     np.testing.assert_allclose(np.degrees(turned), 1.0, atol=1e-3)
