@@ -35,6 +35,7 @@ NORM = Measurement(
     patterns=frozenset({"orientation", "sensors"}), reads_force=True,
 )  # fmt: skip
 MAX_FACE_TILT = 0.3  # of gravity, across an axis that is called upright
+MAX_FACE_ERROR = 0.1  # of a scale by such an axis, twice what its tilt makes
 SIX_TERMS = ("bias", "scale_factor")
 NINE = 9  # bias, scale factor and the three misalignments that the norm sees
 PAIRS = ((0, 1), (0, 2), (1, 2))
@@ -128,8 +129,9 @@ def inverted(h: Callable[[Array], Array], y: Array) -> tuple[Array, Array]:
 def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
     """Return readings in counts or pulses as m/s^2, by a scale and an offset that are kept as nominal.
 
-    They are those of six faces, half of what an axis reads upward less what it reads downward, and the mean of both;
-    else of the ellipsoid through nine dwells or more, whose size faces alone hardly show.
+    They are those of the ellipsoid through nine dwells or more; else of six faces, half of what an axis reads upward
+    less what it reads downward, and the mean of both. Through dwells on faces alone an ellipsoid may have any size, so
+    that it is not taken where it is far from that of the faces.
     """
     if not means.counted(FORCE):
         return means, None
@@ -137,13 +139,13 @@ def scaled_by_gravity(means: Recording) -> tuple[Recording, Counts | None]:
     half, middle = (N.max(0) - N.min(0)) / 2, (N.max(0) + N.min(0)) / 2
     spread = half.mean()
     on_faces = bool(np.all(half > 0)) and _on_faces((N - middle) / half)
-    fits = len(N) >= MIN_POINTS and not on_faces
-    solution = ellipsoid(((N - middle) / spread)[None])[0] if fits else np.full(9, np.nan)
-    if on_faces:
-        scale, offset = means.site.gravity / half, middle
-    elif np.isfinite(solution).all():
+    solution = ellipsoid(((N - middle) / spread)[None])[0] if len(N) >= MIN_POINTS else np.full(9, np.nan)
+    far = on_faces and np.max(np.abs(solution[:3] * half / spread - 1)) > MAX_FACE_ERROR
+    if np.isfinite(solution).all() and not far:
         scale = solution[:3] * means.site.gravity / spread
         offset = middle - solution[3:6] / solution[:3] * spread
+    elif on_faces:
+        scale, offset = means.site.gravity / half, middle
     else:
         unit = means.units.get((FORCE, "x"), "m/s^2")
         raise InputError(
