@@ -21,7 +21,7 @@ from gimbalcal.inference.allan import MIN_P_VALUE, MIN_ROWS, AllanCurve, AllanFi
 from gimbalcal.number import Array
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording, Source, dwells
-from gimbalcal.recording.dwell import MISSED
+from gimbalcal.recording.dwell import MISSED_ROW_STEPS
 from gimbalcal.recording.record import FORCE, RATE, SENSOR_OF, SENSORS, Key
 from gimbalcal.units import from_si, is_raw
 from gimbalcal.views.segments import stop_rows
@@ -253,7 +253,7 @@ def _stretches(recording: Recording) -> tuple[list[slice], float]:
     step = recording.step if len(recording.time) > 1 else 1.0
     rests = stop_rows(recording) if recording.kind.rotating else dwells(recording)
     dt = np.diff(recording.time)
-    late = MISSED * step
+    late = MISSED_ROW_STEPS * step
     if np.mean(dt > late) > MAX_LATE:
         late = MAX_WAIT * step
         step = float(np.mean(dt[dt <= late]))

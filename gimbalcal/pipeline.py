@@ -31,7 +31,7 @@ from gimbalcal.estimate.static_run.system import (
 )
 from gimbalcal.method_table import Request
 from gimbalcal.progress import Progress, no_progress
-from gimbalcal.recording import Recording, completed, dwells, read
+from gimbalcal.recording import Recording, dwells, read, with_rests_as_positions
 from gimbalcal.recording.header import read_header
 from gimbalcal.recording.record import RATE
 
@@ -50,7 +50,7 @@ def load(recordings: Sequence[Source], progress: Progress = no_progress) -> tupl
     loaded = []
     for each in recordings:
         if isinstance(each, Recording):
-            recording = completed(each)
+            recording = with_rests_as_positions(each)
         else:
             progress(f"reading {Path(each).name}")
             static_run = read_header(Path(each)).kind.stabilised
@@ -91,7 +91,7 @@ def three_stage(
     `more` joins the fits of stage 2 and 3; `grade` is that of the unit, by which sizes are expected (else it is
     estimated from the noise). Raises InputError when there is neither kind of recording, or two of a kind.
     """
-    recordings = [completed(r) for r in recordings]
+    recordings = [with_rests_as_positions(r) for r in recordings]
     unit = grade_of_unit(recordings, grade)
     progress(unit.in_words)
     calibration = _three_stages(unit.of(recordings), progress, more)

@@ -31,9 +31,9 @@ from gimbalcal.units import from_si
 
 MIN_SIGMAS = 3.0  # by which a constant has to be beyond
 MAX_TRIALS, MAX_SHOWN = 6, 2
-ALIKE = 0.2  # relative, of a scale factor and a ratio of units
+MAX_RELATIVE_DIFFERENCE = 0.2  # relative, of a scale factor and a ratio of units
 MIN_LATITUDE_ERROR_RAD = 1e-3
-SCALED = {"scale_factor": "specific_force", "gyro_scale_factor": "angular_rate"}
+SCALED_QUANTITIES = {"scale_factor": "specific_force", "gyro_scale_factor": "angular_rate"}
 Again = Callable[[Sequence[Recording]], Calibration]
 Limit = Callable[[Parameter], float]
 
@@ -140,7 +140,7 @@ def corrections(c: Calibration, recordings: Sequence[Recording], limit: Limit) -
         if measured is not None and stated is not None and abs(measured - stated) > MIN_LATITUDE_ERROR_RAD:
             words = f"the latitude is {np.degrees(measured):.4g} deg, not {np.degrees(stated):.4g} deg"
             yield Correction(words, latitude=measured)
-    for effect, quantity in SCALED.items():
+    for effect, quantity in SCALED_QUANTITIES.items():
         sizes = {p.axis: 1 + v for p, v in zip(c.parameters, c.values, strict=True) if p.effect == effect}
         wrong = [p.axis for p in (c.parameters[i] for i in beyond_grade(c, limit)) if p.effect == effect]
         if wrong and quantity == "angular_rate" and len(wrong) == len(sizes):
@@ -165,4 +165,4 @@ def _of_sensors(sizes: Sequence[float], axes: Sequence[str], quantity: str, r: R
 
 
 def are_alike(sizes: Iterable[float], factor: float) -> bool:
-    return all(abs(size / factor - 1) < ALIKE for size in sizes)
+    return all(abs(size / factor - 1) < MAX_RELATIVE_DIFFERENCE for size in sizes)

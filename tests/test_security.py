@@ -12,7 +12,7 @@ import pytest
 import scipy.io
 
 from gimbalcal.errors import InputError
-from gimbalcal.guess.proposal import propose
+from gimbalcal.guess.proposal import propose_recording
 from gimbalcal.importers import import_files
 from gimbalcal.importers.sandboxed_reader import matlab_variables
 from gimbalcal.pipeline import load
@@ -107,7 +107,7 @@ def test_archives_and_parquet_that_unpack_to_gigabytes(tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"would take 0\.006 GB"):
         import_files("tilt-table", [tmp_path / "bomb.npz"])
     with pytest.raises(InputError, match=r"would take 0\.006 GB"):
-        propose([tmp_path / "bomb.npz"])
+        propose_recording([tmp_path / "bomb.npz"])
     folder = tmp_path / "r"
     shutil.copytree(DEVICE, folder)
     header = folder / "recording.toml"

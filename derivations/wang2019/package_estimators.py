@@ -271,10 +271,10 @@ def solved_for_by_gravity() -> float:
 @checks(SOURCE, "Eq. (38)", "Eq. (39)", where="estimate.pulses.whole_turns.FREE")
 def solved_for_by_turns() -> float:
     """The same of (38) and (39) together, which the package solves at once."""
-    from gimbalcal.estimate.pulses.whole_turns import FREE
+    from gimbalcal.estimate.pulses.whole_turns import FREE_ORDINALS
 
     derived = {s for item in ("Eq. (38)", "Eq. (39)") for s in optimisation.cases()[item].derived}
-    return float(len({PARAMETERS[i] for i in FREE} ^ derived))
+    return float(len({PARAMETERS[i] for i in FREE_ORDINALS} ^ derived))
 
 
 @checks(SOURCE, "Eq. (1)", "Eq. (40)", where="inference.levenberg.minimise", tolerance=1e-10)

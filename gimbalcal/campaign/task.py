@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # what computes is imported by who computes
 
 COLUMNS = ("run", "parameter", "unit", "truth", "estimate", "sigma", "chi2", "dof", "outcome")
 METHODS = ("three-stage", "multiposition")
-SIMULATED = 4  # runs of a share that are simulated one by one, a second or so each: little is lost with a worker
+RUNS_PER_SHARE = 4  # runs of a share that are simulated one by one, a second or so each: little is lost with a worker
 SOLVED = 100  # runs of a share of pulses, which are solved as one array
 SHIPPED = Path(__file__).parent
 
@@ -99,7 +99,7 @@ def task(scenario: str | Path, method: str = "three-stage", seed: int | None = N
     document = Document(path)
     text, content = "\n".join(document.lines), document.content
     kind, own_texts = str(content.get("kind")), tuple[tuple[str, str], ...]()
-    share = SIMULATED
+    share = RUNS_PER_SHARE
     if kind in PULSES:
         _check_pulses(path, content)
         method, share = kind, SOLVED

@@ -38,8 +38,8 @@ NEXT_VALUES = 5
 MAX_ANGLE_RAD = 2e4 * np.pi  # ten thousand turns
 MAX_ANGLE_IN_RADIANS = 4 * np.pi
 MIN_PROBABILITY = 1e-6
-SMOOTH = 1e-7  # of the largest value: what third differences leave of a sidereal wave sampled each minute is 2e-8
-DISTINCT = 0.9  # share of rows that hardly repeat a value
+SMOOTH_RATIO = 1e-7  # of the largest value: what third differences leave of a sidereal wave sampled each minute is 2e-8
+DISTINCT_SHARE = 0.9  # share of rows that hardly repeat a value
 
 
 def no_rows(s: StreamChecks) -> str:
@@ -134,7 +134,7 @@ def noise_of_triad(s: StreamChecks, c: Column) -> float:
     if s.kind.rotating and all(0.5 < STRIDE * s.repeats[t.name] / s.n < 0.95 for t in triad):
         return 0.0  # a simulation without noise: what scatters is the motion
     sigma = max(to_si(s.scatter.get(t.name, 0.0), t.unit) for t in triad)
-    shown = sigma if sigma > SMOOTH * max(to_si(s.largest(t), t.unit) for t in triad) else 0.0
+    shown = sigma if sigma > SMOOTH_RATIO * max(to_si(s.largest(t), t.unit) for t in triad) else 0.0
     stated = s.header.noise.get(SENSOR_OF[c.quantity], shown)
     return from_si(min(stated, shown) if shown else stated, c.unit)
 
@@ -255,7 +255,7 @@ def resolution(pieces: Sequence[Array]) -> tuple[float, int]:
 def all_distinct(levels: Array, counts: Array) -> bool:
     """Return whether no two readings are alike, but for those that are frozen, or at one of two stops."""
     others = float(counts.sum() - np.sort(counts)[-2:].sum())
-    return len(levels) - 2 >= DISTINCT * others
+    return len(levels) - 2 >= DISTINCT_SHARE * others
 
 
 def at_maximum(y: Array) -> Array:

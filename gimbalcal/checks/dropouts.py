@@ -13,7 +13,7 @@ from gimbalcal.errors import InputError, number_of
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import SPARSE, Column
 from gimbalcal.recording.header import Header
-from gimbalcal.recording.lines import place
+from gimbalcal.recording.lines import rows_in_words
 from gimbalcal.recording.noise_levels import SETTING_SIGMA_RAD
 from gimbalcal.recording.samples import Batch
 from gimbalcal.units import from_si, is_raw
@@ -206,7 +206,7 @@ class Dropouts:
         return out
 
     def _place(self, start: int, stop: int | None = None) -> str:
-        return place(self.header.samples, start, stop, self.header.skip, self.header.named)
+        return rows_in_words(self.header.samples, start, stop, self.header.skip, self.header.named)
 
     def _in_file(self, row: int) -> int:
         missing = self.missing

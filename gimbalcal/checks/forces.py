@@ -42,7 +42,7 @@ MAX_NORM_ERROR = 0.3  # of gravity, rms: above that of any low-cost unit
 NORM_ERROR_EXPLAINED = 0.25  # of it: what another unit may leave
 NO_GRAVITY = 0.1  # of gravity: accelerometers that read less, all of them, had gravity subtracted
 MAX_RANGES, MAX_RANGE_ERROR = 16.0, 0.05  # of ranges, each twice the one before: their ratio, and that to gravity
-ALIKE = 0.8, 1.25  # ratios that are one within the errors of a unit
+UNIT_RATIO_RANGE = 0.8, 1.25  # ratios that are one within the errors of a unit
 MAX_MOTION = 0.2  # of gravity, half of the rows: a table that shakes so much is not at rest
 FEWEST_RESTS = 3
 STILL_RAD = 1e-3
@@ -119,10 +119,12 @@ def compare_magnitude(recording: Recording, force: Array, step: float) -> str:
         return ""
     unit = _unit(recording)
     factor = FORCE_UNITS.get(unit, 1.0)
-    likely = [name for name, size in FORCE_UNITS.items() if ALIKE[0] < ratio * size / factor < ALIKE[1]]
+    likely = [
+        name for name, size in FORCE_UNITS.items() if UNIT_RATIO_RANGE[0] < ratio * size / factor < UNIT_RATIO_RANGE[1]
+    ]
     remedy = f'the numbers look like {likely[0]}: write unit = "{likely[0]}"' if likely else "correct the unit"
     remedy += " of its columns"
-    if step and not likely and ALIKE[0] < ratio / factor / step < ALIKE[1]:
+    if step and not likely and UNIT_RATIO_RANGE[0] < ratio / factor / step < UNIT_RATIO_RANGE[1]:
         remedy = (
             f"the numbers look like what each step of {step:.3g} s adds to the velocity: write quantity = "
             '"velocity_increment", unit = "m/s"'

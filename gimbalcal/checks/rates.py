@@ -245,10 +245,10 @@ def _in_words(named: Sequence[tuple[AxisPermutation, str]], unit: str, handed: s
     return " and ".join(words)
 
 
-MOVED = (*POSITIONS, *ROTATION)
+MOVED_KINDS = (*POSITIONS, *ROTATION)
 CHECKS = (
-    Check(turns_between_rests, MOVED, (RATE, "no driven")),
-    Check(earth_at_rest, MOVED, (RATE, "no driven")),
-    Check(rates_not_checked, MOVED, (RATE, "no driven"), question=True),
+    Check(turns_between_rests, MOVED_KINDS, (RATE, "no driven")),
+    Check(earth_at_rest, MOVED_KINDS, (RATE, "no driven")),
+    Check(rates_not_checked, MOVED_KINDS, (RATE, "no driven"), question=True),
     Check(static_rates_not_checked, STATIC, (f"any {RATE}",), question=True),
 )

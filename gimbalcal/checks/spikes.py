@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.number import Array
-from gimbalcal.recording.document import LARGEST
+from gimbalcal.recording.document import MAX_STATED_NUMBER
 
 Rows = NDArray[np.int64]
 
@@ -42,7 +42,7 @@ NEIGHBOURS = 3  # rows on either side that a spike leaves alone: a knock rings i
 MAX_SHARE = 0.01  # of the rows; what departs more often is no fault of single rows
 MAX_SHARE_STILL = 5 * MAX_SHARE  # of the rows with d != 0 where a channel stands still: a spike shows in five rows
 MIN_ROWS = 4 * STRETCH
-ENOUGH = 2048  # rows whose lower quartile is that of the recording
+QUARTILE_ROWS = 2048  # rows whose lower quartile is that of the recording
 MAX_STEP_FAST_S = 0.1  # a turn in a slower log may be over within a row
 
 
@@ -57,9 +57,15 @@ def spikes(channels: Mapping[str, Array], slow: bool = False, least: float = 0.0
     out = {name: np.zeros(len(x), dtype=bool) for name, x in channels.items()}
     if not least and not any(_steps_far(x, ratio) for x in channels.values()):
         return out
-    inside = {name: bool(-LARGEST <= x.min() and x.max() <= LARGEST) for name, x in channels.items() if len(x)}
+    inside = {
+        name: bool(-MAX_STATED_NUMBER <= x.min() and x.max() <= MAX_STATED_NUMBER)
+        for name, x in channels.items()
+        if len(x)
+    }
     # infinity is refused elsewhere
-    channels = {n: x if inside.get(n) else np.clip(x, -LARGEST, LARGEST) for n, x in channels.items()}
+    channels = {
+        n: x if inside.get(n) else np.clip(x, -MAX_STATED_NUMBER, MAX_STATED_NUMBER) for n, x in channels.items()
+    }
     steps = {name: _largest_steps(x) for name, x in channels.items()}
     for width in range(1, MAX_WIDTH + 1):
         off = {name: _Departure(x, width, least / MIN_RATIO_SLOW) for name, x in channels.items()}
@@ -104,18 +110,20 @@ def reliably_predicted(x: Array, rows: Rows) -> NDArray[np.bool_]:
 def _steps_far(x: Array, ratio: float) -> bool:
     """Return whether some first difference of x (n,) is so large that |d| may exceed `ratio` times its lower quartile.
 
-    The quartile, by `ENOUGH` rows, exceeds what more than three quarters of their |d| exceed.
+    The quartile, by `QUARTILE_ROWS` rows, exceeds what more than three quarters of their |d| exceed.
     """
-    if len(x) < 2 * ENOUGH:
+    if len(x) < 2 * QUARTILE_ROWS:
         return len(x) >= MIN_ROWS
-    every = len(x) // ENOUGH * STRETCH
+    every = len(x) // QUARTILE_ROWS * STRETCH
     with np.errstate(invalid="ignore"):
         step = np.subtract(x[1:], x[:-1])
         largest = max(float(step.max()), -float(step.min()))
         fourth = np.diff(x[: len(x) // every * every].reshape(-1, every)[:, : STRETCH + 5], 4, axis=1)
         for d in (np.abs(fourth[:, 1:]) / 6, np.abs(fourth[:, 1:] + fourth[:, :-1]) / 4):
             moving = np.count_nonzero(d)
-            if not (largest == 0 or np.count_nonzero(d * ratio > 1.5 * largest) > 0.75 * moving >= 0.75 * ENOUGH / 2):
+            if not (
+                largest == 0 or np.count_nonzero(d * ratio > 1.5 * largest) > 0.75 * moving >= 0.75 * QUARTILE_ROWS / 2
+            ):
                 return True
     return False
 
@@ -148,10 +156,10 @@ class _Departure:
     def __init__(self, x: Array, width: int, least: float = 0.0) -> None:
         n = len(x)
         self.x, self.width, self.stretches = x, width, n // STRETCH
-        some = self.of(np.arange(0, self.stretches, max(1, n // ENOUGH)))
+        some = self.of(np.arange(0, self.stretches, max(1, n // QUARTILE_ROWS)))
         some = some[some > 0]
-        every = self.of(np.arange(-(-n // STRETCH))) if least or len(some) <= ENOUGH / 8 else np.zeros(0)
-        some = some if len(some) > ENOUGH / 8 else every[every > 0]
+        every = self.of(np.arange(-(-n // STRETCH))) if least or len(some) <= QUARTILE_ROWS / 8 else np.zeros(0)
+        some = some if len(some) > QUARTILE_ROWS / 8 else every[every > 0]
         self.resolution = float(np.quantile(some, 0.25)) if len(some) else 0.0  # of readings in steps: a step
         still = least and np.count_nonzero(every) <= MAX_SHARE_STILL * n
         self.fixed, self.least = (least, least) if still else (0.0, max(least, self.resolution))

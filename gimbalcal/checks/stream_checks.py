@@ -17,7 +17,7 @@ from gimbalcal.checks.dropouts import Dropouts
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import SPARSE, Column
-from gimbalcal.recording.document import LARGEST
+from gimbalcal.recording.document import MAX_STATED_NUMBER
 from gimbalcal.recording.header import Header
 from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.samples import Batch
@@ -108,7 +108,7 @@ class StreamChecks:
         for name, every in batch.items():
             x = every[~np.isnan(every)] if name in sparse else every
             with np.errstate(over="ignore", invalid="ignore"):
-                sound = np.dot(x, x) < LARGEST**2  # a NaN is not
+                sound = np.dot(x, x) < MAX_STATED_NUMBER**2  # a NaN is not
             if not sound:
                 self._check_finite(name, x)
         for c, check in (pair for pair in self.values if pair[0] is not self.position):
@@ -153,7 +153,7 @@ class StreamChecks:
             self._refuse(int(refused[0]), c.name, check.sentence(float(x[refused[0]]), c.unit))
 
     def _check_finite(self, name: str, x: Array) -> None:
-        bad, huge = np.flatnonzero(~np.isfinite(x)), np.flatnonzero(np.abs(x) >= LARGEST)
+        bad, huge = np.flatnonzero(~np.isfinite(x)), np.flatnonzero(np.abs(x) >= MAX_STATED_NUMBER)
         if len(bad):
             run = int(np.argmax(np.append(np.diff(bad), 2) > 1)) + 1
             more = f", nor are the {run - 1} below it" if run > 1 else ""

@@ -16,10 +16,17 @@ from itertools import combinations
 import numpy as np
 
 from gimbalcal.checks.check import ROTATION, SOME_ROWS, Check, Examined
-from gimbalcal.checks.forces import ALIKE, FORCE_UNITS, MAX_NORM_ERROR, NO_GRAVITY, unit_of_every_row, unit_of_some
+from gimbalcal.checks.forces import (
+    FORCE_UNITS,
+    MAX_NORM_ERROR,
+    NO_GRAVITY,
+    UNIT_RATIO_RANGE,
+    unit_of_every_row,
+    unit_of_some,
+)
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.quantities import QUANTITIES
-from gimbalcal.recording.dwell import MISSED
+from gimbalcal.recording.dwell import MISSED_ROW_STEPS
 from gimbalcal.recording.record import FORCE, RATE
 
 MAX_LATENCY_S, MAX_LATENCY_STEPS = 0.1, 2.5  # a latency that belongs to sensors and their electronics is less
@@ -28,7 +35,7 @@ MIN_IMPROVEMENT = 2.0  # ratio of the force's unexplained change, squared, by wh
 MAX_ROWS = 100_000  # of the recording: a turn or two show a lag
 MIN_ROWS = 100
 MAX_READING = {FORCE: 100.0, RATE: 200.0}  # ten g; thirty revolutions a second
-FEW = 0.01  # of the rows; where more are beyond, the unit is wrong
+MAX_SHARE_BEYOND = 0.01  # of the rows; where more are beyond, the unit is wrong
 
 
 def one_column_twice(e: Examined) -> str:
@@ -49,7 +56,7 @@ def impossible_readings(e: Examined) -> str:
     for q in (FORCE, RATE):
         y = e.recording.triad(q)
         rows = np.flatnonzero((np.abs(y) > MAX_READING[q]).any(axis=1))
-        if 0 < len(rows) < FEW * len(y):
+        if 0 < len(rows) < MAX_SHARE_BEYOND * len(y):
             axis = TRIAD[int(np.argmax(np.abs(y[rows[0]])))]
             others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
             return (
@@ -74,7 +81,7 @@ def triads_exchanged(e: Examined) -> str:
             "[columns]"
         )
     units = (*FORCE_UNITS.values(), *(1 / unit for unit in FORCE_UNITS.values()), e.step)
-    if any(ALIKE[0] < size / g / unit < ALIKE[1] for unit in units if unit):
+    if any(UNIT_RATIO_RANGE[0] < size / g / unit < UNIT_RATIO_RANGE[1] for unit in units if unit):
         return ""
     return (
         f"the specific force is {size:.2g} m/s^2 in most rows, so gravity has been taken off "
@@ -98,7 +105,7 @@ def norm_from_rest_to_rest(e: Examined) -> str:
 def lag_between_triads(e: Examined) -> str:
     """Refuse triads on two clocks: the force turns when the gyroscopes do."""
     t, step = e.recording.time[:MAX_ROWS], e.step
-    if step <= 0 or len(t) < MIN_ROWS or np.diff(t).max() > MISSED * step:
+    if step <= 0 or len(t) < MIN_ROWS or np.diff(t).max() > MISSED_ROW_STEPS * step:
         return ""
     f, w = e.recording.triad(FORCE)[:MAX_ROWS], e.recording.triad(RATE)[:MAX_ROWS]
     w = w - np.median(w, axis=0)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gimbalcal.errors import InputError, list_of_alternatives, number_of, shortened_text
-from gimbalcal.recording.lines import first_line, heading, is_number, lines
+from gimbalcal.recording.lines import column_heading, first_line, is_number, lines
 
 if TYPE_CHECKING:
     import polars as pl
@@ -91,7 +91,7 @@ def explanation(path: Path, names: Sequence[str], error: BaseException) -> Input
 
 
 def _first_bad_line(path: Path, names: Sequence[str]) -> InputError | None:
-    named, header = heading(path, names)
+    named, header = column_heading(path, names)
     for row, (line, cells) in enumerate(lines(path)):
         odd = next((cell for cell in cells if "\ufffd" in cell), None)
         if odd is not None:

@@ -185,13 +185,13 @@ def new(
     stands beside it in recording.toml.
     """
     from gimbalcal.atomic import write as write_text
-    from gimbalcal.guess.proposal import propose
+    from gimbalcal.guess.proposal import propose_recording
     from gimbalcal.recording import dwells, write
     from gimbalcal.recording.dwell import in_several_attitudes
     from gimbalcal.report.new_page import commented_header, duration_and_rate, proposal_page
 
     output.progress(f"reading {number_of(len(logs), 'log')}")
-    proposal = propose(
+    proposal = propose_recording(
         logs, title, rate or 0.0, latitude, height, longitude, named_settings("--unit QUANTITY=UNIT", units)
     )
     r, folder = proposal.recording, output.out or Path(logs[0].stem)

@@ -41,9 +41,9 @@ from gimbalcal.schedule import Hold, Schedule
 RANGE_C = (15.0, 35.0)  # temperatures of the plan
 CHAMBER_K_PER_H = 10.0  # at which a bench chamber follows with the unit in it
 CYCLES = (1, 2, 3)  # of temperature during the positions
-NEARLY = 0.8  # of the best share, from which the fewest cycles are taken
+MIN_RELATIVE_SHARE = 0.8  # of the best share, from which the fewest cycles are taken
 DEGREE, HARMONICS = 4, 3  # of flexible functions of one variable
-FEW = 2  # of these, in products and of confounders
+FACTOR_ORDERS = 2  # of these, in products and of confounders
 SIZE = 30.0  # sigmas of a position's mean: prior of each function
 STARTS = 3  # of the exchange, one greedy
 DWELL_S = 600.0  # where no temperature has to follow
@@ -80,7 +80,7 @@ def design_learning(
         chosen = optimise(rows, count, "D", ~confounders, seed, STARTS)
         plans[cycles] = settings[chosen], law_share(rig, settings[chosen], T, learn, wanted)
     best = max(share for _, share in plans.values())
-    cycles = next(k for k, (_, share) in plans.items() if share >= NEARLY * best)
+    cycles = next(k for k, (_, share) in plans.items() if share >= MIN_RELATIVE_SHARE * best)
     angles, share = plans[cycles]
     span = RANGE_C[1] - RANGE_C[0]
     hours = cycles * 2 * span / CHAMBER_K_PER_H if warm else count * DWELL_S / HOUR
@@ -121,10 +121,10 @@ def _rows(
 
     def functions(name: str, few: bool = False) -> Array:
         if name in gimbals:
-            waves = x[name][..., None] * np.arange(1, (FEW if few else HARMONICS) + 1)
+            waves = x[name][..., None] * np.arange(1, (FACTOR_ORDERS if few else HARMONICS) + 1)
             out = np.concatenate([np.cos(waves), np.sin(waves)], axis=-1)
         else:
-            out = legendre.legvander(x[name], FEW if few else DEGREE)[..., 1:]
+            out = legendre.legvander(x[name], FACTOR_ORDERS if few else DEGREE)[..., 1:]
         return np.broadcast_to(out, (n, c, out.shape[-1]))
 
     def products(one: str, other: str) -> Array:

@@ -36,7 +36,7 @@ from gimbalcal.estimate.grade import grade_of_unit
 from gimbalcal.kinematics import sidereal_phase, stimulus_from_angles, stimulus_from_readings
 from gimbalcal.navigate.stationary_base import ideal_static_run
 from gimbalcal.number import Array
-from gimbalcal.recording import SENSORS, Recording, completed, dwell_means
+from gimbalcal.recording import SENSORS, Recording, dwell_means, with_rests_as_positions
 from gimbalcal.recording.noise_levels import SETTING_SIGMA_RAD
 from gimbalcal.recording.record import ANGLE, FORCE
 from gimbalcal.schedule import Schedule
@@ -53,9 +53,9 @@ DURATIONS = (1.0, 3.0)  # of the dwells so far
 WARMER_K, WARMING_S = 6.0, 7200.0  # a bench without a chamber: two hours for 6 K
 STATIC_HOURS = (6.0, 12.0, 24.0)
 TURN_BY_HAND_S = 10.0
-REACHED = 1.01  # times a sigma that is asked for
-SETTLED = 3.0  # nats: a factor 20
-SAME = 1e-6  # relative difference of what two candidates are worth
+REACHED_RATIO = 1.01  # times a sigma that is asked for
+SETTLED_NATS = 3.0  # nats: a factor 20
+SAME_WORTH = 1e-6  # relative difference of what two candidates are worth
 MIN_SHARE = 1e-4  # of the criterion; a candidate that brings less changes nothing
 DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
 
@@ -97,14 +97,16 @@ class NextPlan(Displayed):
         """Return the parameters whose sigma is not yet what is to be reached."""
         if self.target is None:
             return ()
-        return tuple(p for p, s, t in zip(self.parameters, self.sigma, self.target, strict=True) if s > REACHED * t)
+        return tuple(
+            p for p, s, t in zip(self.parameters, self.sigma, self.target, strict=True) if s > REACHED_RATIO * t
+        )
 
     @property
     def reached(self) -> bool:
         """Return whether nothing remains to be done for the target, or for the separation."""
         if self.target is not None:
             return not self.not_reached
-        return self.separation is not None and self.separation >= SETTLED
+        return self.separation is not None and self.separation >= SETTLED_NATS
 
     def __str__(self) -> str:
         """Return the steps and the answer, as the console has them."""
@@ -167,7 +169,7 @@ def next_step(
     dwells; step [deg] of the angles of a rig; most: how many steps; grade: of the unit, for the usual sizes, else that
     of its noise; prior: sigmas [SI] by label in place of usual sizes. Raises InputError for other kinds of recordings.
     """
-    complete = [replace(completed(r), other_sensors=()) for r in recordings]
+    complete = [replace(with_rests_as_positions(r), other_sensors=()) for r in recordings]
     recordings = grade_of_unit(complete, grade).of(complete)
     dwelling = [r for r in recordings if r.kind.in_positions]
     at_rest = [r for r in recordings if r.kind.stabilised]
@@ -203,7 +205,7 @@ def plan_of(
     now = np.diag(P)
     weight = interest / scale**2
     if target is not None:
-        weight = weight * (now > (REACHED * scale) ** 2)  # what is reached does not count
+        weight = weight * (now > (REACHED_RATIO * scale) ** 2)  # what is reached does not count
     less = variance_decreases(candidates.rows, P)
     worth = less @ weight
     total = float(now @ weight) or 1.0  # nothing counts any more
@@ -213,7 +215,7 @@ def plan_of(
     labels = tuple(f"{p.name} {p.axis}".strip() for p in wanted)
     steps: list[NextStep] = []
     for i in order:
-        if any(abs(s.reduction * total - worth[i]) < SAME * worth[i] for s in steps):
+        if any(abs(s.reduction * total - worth[i]) < SAME_WORTH * worth[i] for s in steps):
             continue  # another attitude of the same information
         k = int(np.argmax(less[i] * weight))
         sigma = [float(from_si(np.sqrt(v) * prior[k], wanted[k].unit)) for v in (now[k], now[k] - less[i, k])]

@@ -22,7 +22,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.state_lists import LISTS, states
 from gimbalcal.inference.information import Information
 from gimbalcal.kinematics import required_latitude
-from gimbalcal.navigate.space_stable_navigator import ALONE
+from gimbalcal.navigate.space_stable_navigator import UNDAMPED
 from gimbalcal.navigate.stationary_base import ideal_static_run, still_base, still_unit
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Recording, Site
@@ -223,7 +223,7 @@ def _by_turns(plans: Plans, state_list: str, more: Sequence[str], hours: float) 
     navigating = (at_rest or [s for _, s in plans])[0]
     site = _with_gravity(required_latitude(navigating.site.latitude), navigating.site.height, navigating.site.gravity)
     unit = still_unit(
-        hours + ALONE.alignment / 3600, site, standing_attitude(turning_schedule(navigating.schedule).start)
+        hours + UNDAMPED.alignment / 3600, site, standing_attitude(turning_schedule(navigating.schedule).start)
     )
     return PlannedCalibration(total, tuple(manoeuvres), unit)
 

@@ -30,7 +30,7 @@ from gimbalcal.views.local import VisitRows, eliminate
 from gimbalcal.views.positions import position_parameters
 
 MAX_CANDIDATES = 200_000  # rows of some 18 parameters: 100 MB of work space
-SAME = 1e-9  # of the largest information: separates rounding from a real difference of attitude
+SAME_INFORMATION = 1e-9  # of the largest information: separates rounding from a real difference of attitude
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def distinct_settings(settings: Array, rig: PositioningRig, wanted: Sequence[Par
     # that are equal may lie on both sides of its edge, on one processor and not on another.
     z = F @ np.random.default_rng(0).standard_normal(F.shape[1]) / size
     order = np.argsort(z)
-    group = np.cumsum(np.diff(z[order], prepend=z[order[0]]) > SAME)
+    group = np.cumsum(np.diff(z[order], prepend=z[order[0]]) > SAME_INFORMATION)
     keep = np.full(group[-1] + 1, len(z))
     np.minimum.at(keep, group, order)
     keep.sort()

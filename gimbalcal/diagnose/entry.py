@@ -38,7 +38,7 @@ from gimbalcal.estimate.unit import inertial_unit, unit_of_sessions
 from gimbalcal.history.fleet import Fleet, grade_and_fleet, with_fleet
 from gimbalcal.pipeline import three_stage
 from gimbalcal.progress import Progress, no_progress
-from gimbalcal.recording import Recording, completed, join, when_recorded
+from gimbalcal.recording import Recording, join, when_recorded, with_rests_as_positions
 from gimbalcal.recording.columns import SPARSE
 from gimbalcal.recording.joining import refuse_twice
 from gimbalcal.unusual_constants import with_question
@@ -71,7 +71,7 @@ def diagnose(
         if calibration is not None and r.platform.axes:
             refuse_other_gimbals(calibration.effects, r)
     refuse_twice(recordings)
-    recordings = [completed(r) for r in recordings]
+    recordings = [with_rests_as_positions(r) for r in recordings]
     request = DiagnosisRequest(tuple(recordings), calibration, tuple(baseline), seed, progress)
     date = when_recorded(recordings)
     provenance: dict[str, Any] = {"recorded": date} if date else {}

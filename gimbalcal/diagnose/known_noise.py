@@ -23,9 +23,9 @@ from gimbalcal.diagnose.laws.law_claims import (
     MIN_EXPLAINED,
     Lawful,
     beyond_walk,
-    lawful,
+    law_of_misfit,
     leave_more_than_noise,
-    misheld,
+    misheld_sentences,
 )
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.result import (
@@ -46,7 +46,7 @@ from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
 from gimbalcal.diagnose.verdict.decide import Decision, claim_threshold, decide_unnamed, noise_gain
 from gimbalcal.diagnose.verdict.findings import findings_of_recordings
 from gimbalcal.diagnose.verdict.joint_fit import JointFit, RecordingPart, joint_fit, parts_of
-from gimbalcal.diagnose.verdict.mismatch import LEFT, MAX_CELLS, Scan, scan_data, scanned_mismatches
+from gimbalcal.diagnose.verdict.mismatch import CLEAN_PROBABILITY, MAX_CELLS, Scan, scan_data, scanned_mismatches
 from gimbalcal.diagnose.verdict.random_walk import (
     PartOfWalk,
     RandomWalkFinding,
@@ -138,11 +138,11 @@ def _by_formulas(case: _Case, c: Ranking, d: Decision, fit: FitSummary) -> tuple
     assert isinstance(fit, StatedNoiseFit)
     assert d.hypothesis is not None
     members = d.hypothesis.members
-    contradicted = fit.predicts_worse or fit.scan_p_after < LEFT or noise_gain(c, members) >= CLAIM
+    contradicted = fit.predicts_worse or fit.scan_p_after < CLEAN_PROBABILITY or noise_gain(c, members) >= CLAIM
     if not contradicted and not leave_more_than_noise(c, members):
         return None, frozenset()
     none = decide_unnamed(c)
-    law = lawful(c, none, case.seed, case.progress, instead=members)
+    law = law_of_misfit(c, none, case.seed, case.progress, instead=members)
     if law.laws:
         return _view_diagnosis(case, c, none, law), frozenset()
     doubtful = law.formula_is_likelier or (contradicted and fit.explained < MIN_EXPLAINED)
@@ -191,7 +191,7 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
     mismatch = () if d.verdict == "adequate" else mismatch_of_recordings(answers, lead)
     named = findings_of_recordings(c, d, joint)
     shapes = tuple(shape_without_cause(c, i) for i in d.shapes[:3])
-    law = law or lawful(c, d, case.seed, case.progress)
+    law = law or law_of_misfit(c, d, case.seed, case.progress)
     answers = _with_law(answers, law)
     fitted = _mean_fit(answers, lead)
     if d.verdict == "adequate":
@@ -201,7 +201,8 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
     diagnosis = ViewDiagnosis(
         o.view, d.verdict, mismatch, named, shapes, fitted, curves,
         np.broadcast_to(o.sigma, curves.after.shape), calibration=joint.calibration(case.known), laws=law.laws,
-        recommend=law.recommend, outcome=misheld(c, d.verdict), evidence=evidence_of_ranking(c, d, case.clean),
+        recommend=law.recommend, outcome=misheld_sentences(c, d.verdict), evidence=evidence_of_ranking(c, d,
+        case.clean),
         together=tuple(s.fit.view for s in c.searches),
         without=partial(joint.calibration_without, known=case.known),
     )  # fmt: skip

@@ -7,7 +7,7 @@ from dataclasses import replace
 from hashlib import sha256
 
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.laws.law_file import source
+from gimbalcal.diagnose.laws.law_file import source_text
 from gimbalcal.diagnose.of_recording import DiagnosisRequest
 from gimbalcal.effects.loading import EffectFile, temporarily_loaded
 from gimbalcal.errors import InputError
@@ -32,7 +32,7 @@ def with_laws(d: Diagnosis, request: DiagnosisRequest, grade: str | Fleet) -> Di
     """
     if not d.laws or d.calibration is None:
         return d
-    recordings, text = [d.used] if d.used is not None else request.recordings, source(d.laws)
+    recordings, text = [d.used] if d.used is not None else request.recordings, source_text(d.laws)
     request.progress("calibrating with the formula")
     try:
         terms, further = _model(request, recordings)

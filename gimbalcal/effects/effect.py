@@ -32,7 +32,7 @@ PARTNER_AXES = ("xy", "xz", "yx", "yz", "zx", "zy")  # sensor, then the axis tha
 PLATFORM_AXES = ("equatorial_x", "equatorial_y", "polar")  # x, y, z of an inertially fixed platform
 GIMBALS = ("gimbals",)  # one entry per axis of the platform at hand
 SCALAR = ("",)
-EXTRAPOLATED = 0.05  # of the range in which a law was determined, by which another recording may leave it
+MAX_EXTRAPOLATION = 0.05  # of the range in which a law was determined, by which another recording may leave it
 EVERY_KIND = ("multi-position", "static-run", "rotation", "pointing")
 
 
@@ -154,7 +154,7 @@ class Domain:
         """Return how far a stimulus leaves the range, in words; empty if not, by more than a twentieth of its width."""
         x = np.asarray(self.value(s))
         low, high = (float(from_si(end, self.unit)) if self.unit else float(end) for end in (x.min(), x.max()))
-        margin = EXTRAPOLATED * (self.high - self.low)
+        margin = MAX_EXTRAPOLATION * (self.high - self.low)
         if self.low - margin <= low and high <= self.high + margin:
             return ""
         return (

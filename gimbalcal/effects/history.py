@@ -12,7 +12,7 @@ import numpy as np
 
 from gimbalcal.number import Array, exp, sqrt
 
-FORGOTTEN = 1e9  # s; thirty years, against hours of the slowest memory
+FORGOTTEN_S = 1e9  # s; thirty years, against hours of the slowest memory
 
 
 def recursion(a: Array, b: Array) -> Array:
@@ -52,7 +52,7 @@ class Dynamics:
 def steps(time: Array) -> Array:
     """Return steps of a clock (n - 1,) [s]; where it begins anew all is forgotten, for nobody knows how long after."""
     h = np.diff(time)
-    return np.asarray(np.where(np.real(h) < 0, FORGOTTEN, h))
+    return np.asarray(np.where(np.real(h) < 0, FORGOTTEN_S, h))
 
 
 def relaxation(h: Array, tau: float | Array | None) -> Array:

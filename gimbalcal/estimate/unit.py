@@ -33,7 +33,7 @@ from gimbalcal.estimate.gyroscopes.revolutions import (
 from gimbalcal.estimate.sharing import Comparison, Scope, compare_calibrations, disagreeing_recordings, scope_of
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.method_table import Request
-from gimbalcal.recording import Recording, completed, dwells, join
+from gimbalcal.recording import Recording, dwells, join, with_rests_as_positions
 from gimbalcal.recording.dwell import without_dwells
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.turns import turns_on_record
@@ -46,7 +46,7 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     of `multiposition` and of `gyroscopes_between_rests`). When the turns do not suffice, the accelerometers stand alone
     and the options say why.
     """
-    recording = completed(recording)
+    recording = with_rests_as_positions(recording)
     if not recording.has(FORCE):
         if more:
             raise InputError(f"--with {more[0].effect}: gyroscopes alone, from revolutions, take no further effect")

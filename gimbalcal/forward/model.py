@@ -15,7 +15,7 @@ from gimbalcal.number import STEP, Array, apply_matrix, arctan2, cos, sin
 from gimbalcal.platform import Platform
 from gimbalcal.rotation import tilt_rotation
 
-SENSED = ("specific_force", "angular_rate")  # by sensors in one block
+SENSED_QUANTITIES = ("specific_force", "angular_rate")  # by sensors in one block
 SENSOR_CHAINS = {
     "specific_force": ("force", (Stage.INPUT_AXIS, Stage.SCALE, Stage.ACCELEROMETER)),
     "angular_rate": ("rate", (Stage.RATE_AXIS, Stage.RATE_SCALE, Stage.GYROSCOPE)),
@@ -38,7 +38,7 @@ def predict(
 
 
 def sensors(
-    force: Array, s: Stimulus, effects: Sequence[Effect], quantities: Container[str] = SENSED
+    force: Array, s: Stimulus, effects: Sequence[Effect], quantities: Container[str] = SENSED_QUANTITIES
 ) -> dict[str, Array]:
     """Return the outputs of accelerometers and gyroscopes in a block that feels the specific force f^p (n, 3)."""
     out = {}

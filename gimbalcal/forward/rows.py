@@ -21,7 +21,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, val
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.forward.model import (
     OTHER_KINDS,
-    SENSED,
+    SENSED_QUANTITIES,
     SENSOR_CHAINS,
     block_force,
     predict,
@@ -160,7 +160,7 @@ def linearise(
     read of them in SI (default: as predicted, for a recording that is only planned).
     """
     force = None if kind in OTHER_KINDS else block_force(platform, s, effects)
-    quantities = {q for q, _ in channels} if channels is not None else set(SENSED)
+    quantities = {q for q, _ in channels} if channels is not None else set(SENSED_QUANTITIES)
 
     def outputs(effects: Sequence[Effect]) -> dict[str, Array]:
         if force is None:

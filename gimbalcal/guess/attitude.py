@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gimbalcal.guess.column_names import is_anonymous, plain
+from gimbalcal.guess.column_names import is_anonymous, plain_name
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE
@@ -36,7 +36,7 @@ def quaternions(log: Log) -> Iterator[tuple[str, tuple[str, ...]]]:
     for name in log.unknown:
         if is_anonymous(name):
             continue
-        if match := _COMPONENT.fullmatch(plain(re.sub(r"[\[(].*", "", name))):
+        if match := _COMPONENT.fullmatch(plain_name(re.sub(r"[\[(].*", "", name))):
             stems.setdefault(match["stem"], {})[match["which"]] = name
     for stem, own in stems.items():
         letters = next((order for order in ("wxyz", "0123") if set(order) <= set(own)), "")
@@ -69,7 +69,7 @@ def of_another_log(path: Path, log: Log) -> dict[str, Array]:
     Names begin with that of the log where this, or its folder, is called after a reference: mocap0/data.csv.
     """
     out: dict[str, Array] = {}
-    called = plain(f"{path.parent.name} {path.stem}")
+    called = plain_name(f"{path.parent.name} {path.stem}")
     for stem, names in quaternions(log):
         q = np.stack([log.columns[n] for n in names])
         turned = np.cumprod(np.where(np.nansum(q[:, 1:] * q[:, :-1], axis=0) < 0, -1.0, 1.0))

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.guess.column_names import ANGLES, plain, unit_written
+from gimbalcal.guess.column_names import ANGLES, plain_name, unit_written
 from gimbalcal.guess.text_table import Table
 from gimbalcal.importers.pointing_files import about_other_pole
 from gimbalcal.number import Array
@@ -64,7 +64,7 @@ def axis_angles(table: Table, longitude: float | None = None) -> tuple[Table, di
         if stars and name in ascensions:
             columns[f"hour angle from {name} [deg]"] = 15 * (np.mod(hours - _hours(table, name) + 12, 24) - 12)
         elif words[name] & ZENITH:
-            unit = unit_written(plain(name))
+            unit = unit_written(plain_name(name))
             quarter = float(from_si(np.pi / 2, unit if unit in ANGLES else "deg"))
             columns[f"elevation from {name}"] = -x if words[name] & OFFSET else quarter - x
             angles |= {f"elevation from {name}"} if name in angles else set()
@@ -183,10 +183,10 @@ def latitude_column(table: Table) -> tuple[str, float] | None:
 
 def _hours(table: Table, name: str) -> Array:
     """Return right ascension or sidereal time in hours, of sexagesimal cells or numbers up to 24; else of degrees."""
-    x, unit = table.columns[name], unit_written(plain(name))
+    x, unit = table.columns[name], unit_written(plain_name(name))
     hours = name in table.sexagesimal or unit == "h" or (unit not in ("deg", "rad") and float(np.nanmax(x)) <= 24)
     return np.asarray(np.degrees(x) / 15 if unit == "rad" else x if hours else x / 15)
 
 
 def _words(name: str) -> list[str]:
-    return plain(re.sub(r"[\[(].*", "", name)).split("_")
+    return plain_name(re.sub(r"[\[(].*", "", name)).split("_")

@@ -47,7 +47,7 @@ MIN_ROWS = 3
 MAX_DISTANCE = 2.0  # of the step between stamps, of evenly spaced rows from their stamps
 MAX_SENSORS = 8  # that write into one log in turn
 MIN_TURNS = 5  # of all of them, that show so
-UNLIKE = 3.0  # times the change from one turn to the next: that from sensor to sensor
+SENSOR_CHANGE_RATIO = 3.0  # times the change from one turn to the next: that from sensor to sensor
 MAX_JITTER = 0.02  # of a step; stamps that scatter by more are times of arrival if another clock is more regular
 
 
@@ -97,7 +97,7 @@ def unit_of_epoch(time: Array) -> str:
     return ""
 
 
-def spread(t: Array) -> tuple[Array, str]:
+def spread_stamps(t: Array) -> tuple[Array, str]:
     """Return a clock (n,) whose stamps stand at several rows, with these spread evenly, and a note; else as it is.
 
     Where most rows repeat a stamp, as those of a clock of whole seconds do, the rows are taken to be evenly spaced over
@@ -119,7 +119,7 @@ def spread(t: Array) -> tuple[Array, str]:
     return spread_out, f"{equal} rows repeat the stamp of the row before and are spread up to the next stamp"
 
 
-def unwrapped(t: Array) -> tuple[Array, str]:
+def unwrapped_clock(t: Array) -> tuple[Array, str]:
     """Return a clock (n,) continued where it starts again, and at what it does; unchanged where it does not.
 
     A step back counts as a wrap where a whole period makes it a usual step, give or take rows that were lost, and where
@@ -151,7 +151,7 @@ def two_column_clock(columns: Mapping[str, Array]) -> tuple[str, str, Array, str
         if not size or not 0 < whole[-1] - whole[0] < len(whole):
             continue
         time = whole - whole[0] + rest / size
-        if np.all(np.diff(time) > 0) and np.any(np.diff(rest) < 0) and jitter(time) < 1:
+        if np.all(np.diff(time) > 0) and np.any(np.diff(rest) < 0) and clock_jitter(time) < 1:
             return first, second, time, {1e3: "ms", 1e6: "us", 1e9: "ns"}[size]
     return None
 
@@ -187,11 +187,11 @@ def _writes_in_turn(log: Log, number: str, sensors: int) -> bool:
     if len(x) < MIN_TURNS * sensors:
         return False
     others = [y for n, y in log.columns.items() if n != number and np.all(np.isfinite(y)) and np.any(np.diff(y) < 0)]
-    unlike = [change(y, 1) > UNLIKE * change(y, sensors) for y in others]
+    unlike = [change(y, 1) > SENSOR_CHANGE_RATIO * change(y, sensors) for y in others]
     return bool(np.mean(x[sensors:] == x[:-sensors]) > 0.9) and sum(unlike) > len(others) / 2
 
 
-def jitter(t: Array) -> float:
+def clock_jitter(t: Array) -> float:
     """Return the scatter of the steps of a clock: half the range of the middle 80 %, over the median."""
     step = np.diff(t)
     low, middle, high = np.quantile(step, (0.1, 0.5, 0.9)) if len(step) else (0.0, 1.0, 0.0)
@@ -205,8 +205,8 @@ def best_clock(log: Log) -> str:
     named = [n for n in growing if log.guesses[n].why.startswith("its name")] or growing
     if not named:
         return ""
-    first = jitter(log.columns[named[0]])
-    regular = [n for n in named[1:] if jitter(log.columns[n]) < first / 3]
+    first = clock_jitter(log.columns[named[0]])
+    regular = [n for n in named[1:] if clock_jitter(log.columns[n]) < first / 3]
     return regular[0] if first > MAX_JITTER and regular and len(log.columns[regular[0]]) > 2 else named[0]
 
 
@@ -215,7 +215,7 @@ def regular_column(log: Log) -> str:
     for name, x in log.unknown.items():
         if len(x) < MIN_ROWS or not np.all(np.isfinite(x)) or is_counter(name) or states_other_unit(name):
             continue
-        if np.all(np.diff(x) > 0) and (jitter(x) < 0.5 or unit_of_epoch(x)) and not counts_rows(x):
+        if np.all(np.diff(x) > 0) and (clock_jitter(x) < 0.5 or unit_of_epoch(x)) and not counts_rows(x):
             return name
     return ""
 

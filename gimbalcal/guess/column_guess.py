@@ -16,7 +16,7 @@ from gimbalcal.guess.column_names import (
     by_turn,
     counted_from_one,
     is_anonymous,
-    plain,
+    plain_name,
     quantity_of_log,
     unit_written,
 )
@@ -57,7 +57,7 @@ class GuessedLog:
     notes: Mapping[str, str]
 
 
-def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str], units: Mapping[str, str]) -> GuessedLog:
+def guess_columns(path: Path, table: Table, rate: float, elsewhere: Set[str], units: Mapping[str, str]) -> GuessedLog:
     """Guess what the columns of a log hold.
 
     rate: of the rows [Hz], which then replaces a clock. elsewhere: quantities that columns of any of the logs are named
@@ -74,7 +74,7 @@ def guessed(path: Path, table: Table, rate: float, elsewhere: Set[str], units: M
     log, note = _timed_rows(log)
     notes |= {"time": note} if note else {}
     if log.has("time"):
-        time, note = clocks.spread(log.columns[log.clock])
+        time, note = clocks.spread_stamps(log.columns[log.clock])
         log = log.including({}, {log.clock: time})
         notes |= {"clock": note} if note else {}
     dwell_rows = _rows_are_dwells(log)
@@ -122,7 +122,9 @@ def _by_names(path: Path, table: Table) -> tuple[Log, tuple[str, ...]]:
 def _column_of_dates(log: Log, table: Table) -> str:
     """Return a column whose cells are dates, or times of day that go on past midnight at most; empty if none."""
     for name, x in log.columns.items():
-        if name in table.dates or (name in table.sexagesimal and np.all(np.diff(clocks.unwrapped(3600 * x)[0]) > 0)):
+        if name in table.dates or (
+            name in table.sexagesimal and np.all(np.diff(clocks.unwrapped_clock(3600 * x)[0]) > 0)
+        ):
             return name
     return ""
 
@@ -131,9 +133,9 @@ def _in_seconds(log: Log, table: Table) -> Log:
     """Return the log with clocks continued where they wrap; dates, times of day and known ticks are in seconds."""
     for name in log.names("time"):
         g, x = log.guesses[name], log.columns[name]
-        x, at = clocks.unwrapped(3600 * x if name in table.sexagesimal else x)
+        x, at = clocks.unwrapped_clock(3600 * x if name in table.sexagesimal else x)
         wrap = f"; it begins again at {at}, and is taken to go on" if at else ""
-        ticks = clocks.UNIT_OF_NAME.get(plain(name), "")
+        ticks = clocks.UNIT_OF_NAME.get(plain_name(name), "")
         if ticks:
             x, wrap = clocks.UNITS[ticks] * x, f", which counts {ticks}{wrap}"
         in_seconds = bool(ticks) or name in table.dates or name in table.sexagesimal
@@ -144,7 +146,7 @@ def _in_seconds(log: Log, table: Table) -> Log:
 def _by_values(log: Log, elsewhere: Set[str], hint: str) -> Log:
     """Return the log with triads and a clock among the columns that no name identified."""
     if not log.has(RATE):
-        log = log.including(body_rates({name: plain(name) for name in log.unknown}))
+        log = log.including(body_rates({name: plain_name(name) for name in log.unknown}))
     if FORCE not in elsewhere:
         similar = by_similar_names(log.unknown)
         log = log.including({n: g for n, g in similar.items() if g.quantity not in elsewhere})
@@ -154,7 +156,7 @@ def _by_values(log: Log, elsewhere: Set[str], hint: str) -> Log:
         log = log.including(by_order(others, hint) if others else {})
     if not log.has("time") and (clock := clocks.regular_column(log)):
         why = "the column that grows evenly from row to row"
-        log = log.preceded_by(clock, Guess("time", "", unit_written(plain(clock)), why))
+        log = log.preceded_by(clock, Guess("time", "", unit_written(plain_name(clock)), why))
     return log
 
 

@@ -18,7 +18,7 @@ def by_spelling(spellings: Mapping[str, str]) -> dict[str, str]:
     return {spelling: meaning for meaning, all_of_it in spellings.items() for spelling in all_of_it.split()}
 
 
-# Words of English, German and French, as `plain` leaves them.
+# Words of English, German and French, as `plain_name` leaves them.
 _TIME = re.compile(
     r"^(time|times|timestamp|timestamps|stamp|clock|date_time|date|datetime|utc|zeit|zeitstempel|messzeit|uhrzeit|temps|heure"
     r"|hora|tiempo|ora|tijd|epoch|mjd|jd|yday|doy|jday|decimal_day|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds"
@@ -146,7 +146,7 @@ _LETTERS = by_spelling(
 )
 
 
-def plain(name: str) -> str:
+def plain_name(name: str) -> str:
     """Return a name in lower case, without accents, one underscore for whatever separates words.
 
     >>> plain("Acc_X [m/s^2]"), plain(" linear_acceleration.x"), plain("GyroX(dps)"), plain("Außen [°]")
@@ -170,12 +170,12 @@ def unit_written(words: str) -> str:
 
 def is_counter(name: str) -> bool:
     """Return whether a name is that of a count of rows, packets or frames, which is no clock."""
-    return _COUNTER.search(plain(name)) is not None
+    return _COUNTER.search(plain_name(name)) is not None
 
 
 def states_other_unit(name: str) -> bool:
     """Return whether a name states a unit in brackets that is not one of time: "yaw [deg]" grows, and is no clock."""
-    unit = unit_written(plain(name)) if re.search(r"[\[(]", name) else ""
+    unit = unit_written(plain_name(name)) if re.search(r"[\[(]", name) else ""
     return unit not in ("", "s", "ms", "us", "ns", "min", "h", "d")
 
 
@@ -185,17 +185,17 @@ def is_anonymous(name: str) -> bool:
     >>> [is_anonymous(n) for n in ("7", "col 3", "longitude", "v0", "M11")]
     [True, True, False, True, False]
     """
-    return _ANONYMOUS.fullmatch(plain(name)) is not None
+    return _ANONYMOUS.fullmatch(plain_name(name)) is not None
 
 
 def is_unit(cell: str) -> bool:
     """Return whether a cell spells a unit and nothing else."""
-    return plain(cell) in _UNITS
+    return plain_name(cell) in _UNITS
 
 
 def by_name(name: str, hint: str = "") -> Guess | None:
     """Return the guess by a column's name, or None; hint: quantity of a log whose columns are called x, y and z."""
-    words, why = plain(name), f"its name {name.strip()!r}"
+    words, why = plain_name(name), f"its name {name.strip()!r}"
     if _COUNTS.match(words):
         return Guess("weight", "", "", why)
     if scattered := _SCATTER.match(words) or _SCATTER_BEHIND.match(words):
@@ -205,7 +205,7 @@ def by_name(name: str, hint: str = "") -> Guess | None:
             return Guess("sigma", inner.axis, inner.unit, why) if inner.quantity == FORCE else None
         if whole := _ALL_OF_IT.match(of):
             return Guess("sigma", "", unit_written(_rest(of, whole)), why)
-    member = plain(name.rpartition(".")[2])  # meas.t: of a structure
+    member = plain_name(name.rpartition(".")[2])  # meas.t: of a structure
     if (timed := _time(words)) is not None or (timed := _time(member)) is not None:
         return Guess("time", "", timed, why)
     if _TEMPERATURE.search(words) and not NOT_A_TRIAD.intersection(words.split("_")):
@@ -273,7 +273,7 @@ def _triad_by_word(words: str) -> tuple[str, str, str] | None:
 
 
 def body_rates(names: dict[str, str]) -> dict[str, Guess]:
-    """Return columns p, q and r of a vehicle's log, where all three exist; names: each as `plain` has it."""
+    """Return columns p, q and r of a vehicle's log, where all three exist; names: each as `plain_name` has it."""
     columns = {name: words.split("_") for name, words in names.items() if words.split("_")[0] in _BODY}
     if sorted(parts[0] for parts in columns.values()) != sorted(_BODY):
         return {}
@@ -286,35 +286,35 @@ def body_rates(names: dict[str, str]) -> dict[str, Guess]:
 
 def axis_word(name: str) -> str:
     """Return the axis of a rig that a name contains; empty where it names none, or two."""
-    axes = {_GIMBAL[w] for w in plain(name).split("_") if w in _GIMBAL}
+    axes = {_GIMBAL[w] for w in plain_name(name).split("_") if w in _GIMBAL}
     return axes.pop() if len(axes) == 1 else ""
 
 
 def rate_word(name: str) -> bool:
     """Return whether a name is that of a rate, whatever its unit: table_speed, rate_cmd."""
-    return _TURNS_BY.search(plain(name)) is not None
+    return _TURNS_BY.search(plain_name(name)) is not None
 
 
-def commanded(name: str) -> bool:
+def is_commanded(name: str) -> bool:
     """Return whether a name is that of a command to a rig, not of a measured motion."""
-    return _COMMANDS.search(plain(name)) is not None
+    return _COMMANDS.search(plain_name(name)) is not None
 
 
-def estimated(name: str) -> bool:
+def is_estimated(name: str) -> bool:
     """Return whether a name is that of an attitude computed by a unit, not of a readout of a rig."""
-    return _OWN_ESTIMATE.search(plain(name)) is not None
+    return _OWN_ESTIMATE.search(plain_name(name)) is not None
 
 
 def by_turn(name: str) -> Guess | None:
     """Return a gimbal angle called after its turn, roll, pitch, yaw; in a log it may be an estimate instead."""
-    words = plain(name)
+    words = plain_name(name)
     axis = next((_TURN[w] for w in words.split("_") if w in _TURN), "")
     return Guess("gimbal_angle", axis, unit_written(words) or "deg", f"its name {name.strip()!r}") if axis else None
 
 
 def quantity_of_log(stem: str) -> str:
     """Return the quantity that a log is called after: "Gyroscope.csv" holds rates, whatever its columns are."""
-    words = plain(stem)
+    words = plain_name(stem)
     if re.search(r"gyr|drehrate|angular", words):
         return RATE
     return FORCE if re.search(r"acc|beschl|gravity|force", words) else ""

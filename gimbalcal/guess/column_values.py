@@ -14,7 +14,7 @@ from gimbalcal.checks.forces import MAX_RANGE_ERROR, other_range
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.guess.clocks import counts_rows
-from gimbalcal.guess.column_names import NOT_A_TRIAD, by_name, is_counter, plain, unit_written
+from gimbalcal.guess.column_names import NOT_A_TRIAD, by_name, is_counter, plain_name, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.number import Array
 from gimbalcal.quantities import refuse_unit
@@ -100,7 +100,7 @@ def by_similar_names(columns: Mapping[str, Array]) -> dict[str, Guess]:
 
 
 def _unit_of_name(name: str) -> str:
-    return unit_written(plain(name))
+    return unit_written(plain_name(name))
 
 
 def _triads(triples: Sequence[Sequence[str]], quantity: str, unit: Callable[[str], str], why: str) -> dict[str, Guess]:
@@ -116,9 +116,9 @@ def _differ_in_axis(triple: Sequence[str]) -> bool:
     return (
         bool(at)
         and {a[i] + b[i] + c[i] for i in at} <= {"xyz", "012", "123", "456", "abc"}
-        and not NOT_A_TRIAD.intersection(plain(triple[0]).split("_"))
-        and not _MATRIX.search(plain(triple[0]))
-        and not _PLACE.search(plain(triple[0]))
+        and not NOT_A_TRIAD.intersection(plain_name(triple[0]).split("_"))
+        and not _MATRIX.search(plain_name(triple[0]))
+        and not _PLACE.search(plain_name(triple[0]))
     )
 
 
@@ -301,7 +301,7 @@ def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple
     whole = {n: x for n, x in whole.items() if np.all(x == np.round(x))}
     signed = {n: with_signs(x) for n, x in whole.items()}
     gained = {n: jumps(signed[n]) - jumps(x) for n, x in whole.items()}
-    shown = {n for n, x in signed.items() if gained[n] < 0 and not jumps(x) and not _grows(n, x)}
+    shown = {n for n, x in signed.items() if gained[n] < 0 and not jumps(x) and not is_clock(n, x)}
     names = list(columns)
     for triad in filter(_differ_in_axis, zip(names, names[1:], names[2:], strict=False)):
         if shown.intersection(triad):
@@ -311,7 +311,7 @@ def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple
     return kept, tuple(n for n in names if n in shown)
 
 
-def _grows(name: str, x: Array) -> bool:
+def is_clock(name: str, x: Array) -> bool:
     """Return whether a column (n,) is a clock or counter by its name, or by growing from row to row."""
     guess = by_name(name)
     return (guess is not None and guess.quantity == "time") or is_counter(name) or bool(np.all(np.diff(x) > 0))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gimbalcal.errors import InputError
-from gimbalcal.guess.column_guess import guessed
+from gimbalcal.guess.column_guess import guess_columns
 from gimbalcal.guess.proposal import StatedByUser, of_tables
 from gimbalcal.guess.stored_arrays import frame_table
 from gimbalcal.recording import Recording
@@ -24,7 +24,7 @@ def guessed_columns(frame: Any) -> dict[str, Column]:
 
     Raises InputError where neither force nor rate is among them.
     """
-    log = guessed(Path("frame"), frame_table(frame), 0.0, frozenset(), {}).log
+    log = guess_columns(Path("frame"), frame_table(frame), 0.0, frozenset(), {}).log
     known = {name: g for name, g in log.guesses.items() if name in frame.columns}
     if not {g.quantity for g in known.values()} & {FORCE, RATE}:
         listed = ", ".join(map(str, frame.columns))
@@ -37,7 +37,7 @@ def guessed_columns(frame: Any) -> dict[str, Column]:
 def guessed_frame(frame: Any, title: str = "frame", site: Mapping[str, tuple[float, str]] | None = None) -> Recording:
     """Return the recording in a frame or a mapping of columns, with remarks on what each was taken for and why.
 
-    site: latitude and height with their units. Raises InputError as `propose` does.
+    site: latitude and height with their units. Raises InputError as `propose_recording` does.
     """
     site = site or {}
     if unknown := set(site) - set(UNITS):

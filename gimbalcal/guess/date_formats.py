@@ -55,7 +55,7 @@ def in_iso(days: Sequence[str], times: Sequence[str]) -> list[str]:
     return [_one(f, TIME.fullmatch(time), month_first) for f, time in zip(matches, times, strict=True)]
 
 
-def split(cells: Sequence[str]) -> tuple[list[str], list[str]]:
+def split_stamps(cells: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return days and times of stamps."""
     both = [_AFTER.sub(r"\1 ", _in_numbers(cell.strip())).partition(" ") for cell in cells]
     return [day for day, _, _ in both], [time for _, _, time in both]

@@ -18,7 +18,7 @@ import numpy as np
 from gimbalcal.checks.forces import as_predicted
 from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, MIN_AGREEMENT, Correction, Trial, successful_trials
 from gimbalcal.effects.effect import TRIAD
-from gimbalcal.guess.column_names import ANGLES, plain, unit_written
+from gimbalcal.guess.column_names import ANGLES, plain_name, unit_written
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording.record import ANGLE, FORCE
@@ -76,7 +76,7 @@ def chain_among(
 ) -> tuple[Correction, dict[str, tuple[str, str]]] | None:
     """Return the chain whose angles are among columns (n,) of unknown content, with axis and unit of each of these.
 
-    They stand still in each dwell, and gravity goes as they say; axes are called as `plain` has the columns' names.
+    They stand still in each dwell, and gravity goes as they say; axes are called by the `plain_name` of a column.
     None where no chain of them turns gravity as it was felt.
     """
     if len(force) < MIN_DWELLS:
@@ -90,7 +90,7 @@ def chain_among(
             continue
         unit = unit_of_angle(x, name)
         at_rest[name] = np.asarray(to_si(median, unit)), unit
-    letters = {plain(re.sub(r"[\[(/].*", "", n)): n for n in columns}
+    letters = {plain_name(re.sub(r"[\[(/].*", "", n)): n for n in columns}
     if set(AXIS_OF_LETTER) <= set(letters):  # one that is never turned belongs to them too
         named = {axis: letters[letter] for letter, axis in AXIS_OF_LETTER.items()}
         unit = unit_of_angle(np.concatenate([columns[n] for n in named.values()]), next(iter(named.values())))
@@ -101,9 +101,9 @@ def chain_among(
         if chain.platform == KNOWN["space-stable"]:
             return chain, {n: (axis, unit) for axis, n in named.items()}
     names = list(at_rest)[:MAX_COLUMNS]
-    axes = {n: _without_unit(plain(re.sub(r"[\[(/].*", "", n))) or f"axis{i + 1}" for i, n in enumerate(names)}
+    axes = {n: _without_unit(plain_name(re.sub(r"[\[(/].*", "", n))) or f"axis{i + 1}" for i, n in enumerate(names)}
     if len(set(axes.values())) < len(axes):
-        axes = {n: plain(n) or f"axis{i + 1}" for i, n in enumerate(names)}
+        axes = {n: plain_name(n) or f"axis{i + 1}" for i, n in enumerate(names)}
     for count in range(1, MAX_AXES + 1):
         for group in combinations(names, count):
             chain = gimbal_chain({axes[n]: at_rest[n][0] for n in group}, force)
@@ -130,7 +130,7 @@ def encoder_angles(columns: Mapping[str, Array]) -> tuple[dict[str, Array], dict
 
 def unit_of_angle(x: Array, name: str) -> str:
     """Return the unit of an angle (n,) as its name states it, else by its range."""
-    written = unit_written(plain(name))
+    written = unit_written(plain_name(name))
     return written if written in ANGLES else "deg" if float(np.ptp(x)) > 2 * pi else "rad"
 
 
@@ -146,7 +146,7 @@ def _candidates(names: tuple[str, ...], first: Platform | None, varied: bool) ->
     """
     known = [KNOWN[name] for name in TABLES if set(names) <= set(KNOWN[name].axis_names)]
     known = sorted(known, key=lambda p: p is not first)
-    for of_gravity, signs in product((False, True) if varied else (False,), _signs(len(names))):
+    for of_gravity, signs in product((False, True) if varied else (False,), readout_signs(len(names))):
         backwards = [n for n, sign in zip(names, signs, strict=True) if sign < 0]
         words = f"{KNOWN_CHAIN}, the {' and the '.join(backwards)} readout backwards" if backwards else KNOWN_CHAIN
         words += ", all three accelerometers reversed (the log holds gravity)" * of_gravity
@@ -163,7 +163,7 @@ def _candidates(names: tuple[str, ...], first: Platform | None, varied: bool) ->
             yield from (Correction(CHAIN, platform=Platform("own", (*p.axes, base))) for base in bases)
 
 
-def _signs(count: int) -> list[tuple[float, ...]]:
+def readout_signs(count: int) -> list[tuple[float, ...]]:
     """Return the signs of so many readouts, those with the fewest negative ones first."""
     return sorted(product((1.0, -1.0), repeat=count), key=lambda signs: sum(sign < 0 for sign in signs))
 

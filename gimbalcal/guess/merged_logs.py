@@ -14,7 +14,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.attitude import of_another_log
-from gimbalcal.guess.clocks import best_clock, jitter
+from gimbalcal.guess.clocks import best_clock, clock_jitter
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE
@@ -48,7 +48,7 @@ def without_duplicates(log: Log) -> Log:
 def on_one_clock(path: Path, first: Log, other: Log) -> Log:
     """Return both logs at the times of the first one, where they overlap; `path` names the other.
 
-    Readings of a triad keep the noise that they have, see `resampled`; other columns are interpolated linearly.
+    Readings of a triad keep their noise, see `resampled_readings`; other columns are interpolated linearly.
     """
     t = first.columns[first.clock]
     t2 = np.asarray(from_si(other.seconds, first.guesses[first.clock].unit))
@@ -63,7 +63,7 @@ def on_one_clock(path: Path, first: Log, other: Log) -> Log:
     for name, g in other.guesses.items():
         if g.quantity != "time" and (g.quantity, g.axis) not in known:
             own = name if name not in merged.columns else f"{path.stem}_{name}"
-            interpolated = resampled if g.quantity in (FORCE, RATE) else np.interp
+            interpolated = resampled_readings if g.quantity in (FORCE, RATE) else np.interp
             why = f"{g.why}; {path.name}, at the times of the other log"
             merged = merged.including({own: replace(g, why=why)}, {own: interpolated(t, t2, other.columns[name])})
     return merged
@@ -78,7 +78,7 @@ def slowest_first(logs: Sequence[tuple[Path, Log]]) -> list[tuple[Path, Log]]:
     return [logs[slow], *(log for i, log in enumerate(logs) if i != slow)]
 
 
-def resampled(t: Array, t2: Array, x: Array) -> Array:
+def resampled_readings(t: Array, t2: Array, x: Array) -> Array:
     """Return readings x (m,) at t2 (m,) as they are at t (n,), with their noise density.
 
     Linear interpolation makes white noise up to sqrt(2) smaller, and sigma with it. So rows of one rate are
@@ -94,7 +94,7 @@ def resampled(t: Array, t2: Array, x: Array) -> Array:
         width = np.diff(edges)
         mean = np.diff(np.interp(edges, t2, total)) / np.where(width > 0, width, 1.0)
         return np.asarray(np.where(width > 0, mean, np.interp(t, t2, x)))
-    if jitter(t2) > MAX_JITTER or not np.all(np.isfinite(x)) or len(t2) < 2 * SINC_LOBES:
+    if clock_jitter(t2) > MAX_JITTER or not np.all(np.isfinite(x)) or len(t2) < 2 * SINC_LOBES:
         return np.interp(t, t2, x)
     at = np.interp(t, t2, np.arange(len(t2), dtype=float))
     base = np.floor(at).astype(int)
@@ -113,7 +113,7 @@ def are_parts(logs: Sequence[Log]) -> bool:
     return len(contents) > 1 and all(each == contents[0] for each in contents)
 
 
-def concatenated(logs: Mapping[Path, Log]) -> tuple[Log, str]:
+def concatenated_logs(logs: Mapping[Path, Log]) -> tuple[Log, str]:
     """Return parts of a run as one log, and a sentence on their order.
 
     Where clocks go on from part to part these stand in its order. Where each begins anew, as where rows are counted,

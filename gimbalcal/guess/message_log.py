@@ -72,7 +72,7 @@ def tables_in(path: Path, head: Sequence[str]) -> tuple[dict[str, list[str]], in
         lines = [_CHECKSUM.sub("", line) for line in lines]
     messages, skipped = _of_pairs(lines) if paired else (_of_words(lines, at) if at is not None else {}, 0)
     if messages:
-        chosen = _chosen(path, messages)
+        chosen = chosen_kind(path, messages)
         skipped += sum(len(message.rows) for tag, message in messages.items() if paired and tag not in chosen)
         return {tag: _lines(message) for tag, message in chosen.items()}, skipped
     return ({"": lines} if arrived or summed else {}), 0
@@ -122,12 +122,12 @@ def _json_pairs(line: str) -> list[tuple[str, str]]:
         return []
     return [
         (name, str(value))
-        for name, value in leaves(content)
+        for name, value in leaves_of_object(content)
         if (isinstance(value, int | float) and not isinstance(value, bool)) or is_date(str(value))
     ]
 
 
-def leaves(content: Any) -> Iterator[tuple[str, Any]]:
+def leaves_of_object(content: Any) -> Iterator[tuple[str, Any]]:
     """Yield what an object of JSON holds, however deep it is nested, by its path, acc_x or acc_0."""
     pending = [("", content)]
     while pending:
@@ -178,7 +178,7 @@ def _of_words(lines: Sequence[str], at: int) -> dict[str, _Message]:
                 common = named
         elif tag := _tag(line, at):
             rows.setdefault(tag, []).append([c for i, c in enumerate(cells) if i != at])
-            if _wordy(cells[-1]) and _wordy(cells[-2]):  # FMT, 164, 47, IMU, QBff, TimeUS,I,GyrX, ...
+            if is_word(cells[-1]) and is_word(cells[-2]):  # FMT, 164, 47, IMU, QBff, TimeUS,I,GyrX, ...
                 headings.append(line)
     if not 1 < len(rows) <= MAX_KINDS:
         return {}
@@ -203,16 +203,20 @@ def _names(tag: str, headings: Sequence[str], columns: int) -> tuple[str, ...]:
     for line in headings:
         words = [word for word in re.split(r"[,;\s]+", line.strip("#!/ \t")) if word]
         names = words[-columns:]
-        if tag in words[:-columns] and all(map(_wordy, names)) and any(by_name(n, quantity_of_log(tag)) for n in names):
+        if (
+            tag in words[:-columns]
+            and all(map(is_word, names))
+            and any(by_name(n, quantity_of_log(tag)) for n in names)
+        ):
             return tuple(names)
     return ()
 
 
-def _wordy(cell: str) -> bool:
+def is_word(cell: str) -> bool:
     return re.search(r"[^\W\d_]", cell) is not None
 
 
-def _chosen(path: Path, messages: Mapping[str, _Message]) -> dict[str, _Message]:
+def chosen_kind(path: Path, messages: Mapping[str, _Message]) -> dict[str, _Message]:
     """Return the kind that holds both triads, or one for each; of several the one with the most rows."""
     holds = {
         tag: {g.quantity for n in message.names if (g := by_name(n, quantity_of_log(tag)))}

@@ -21,7 +21,7 @@ _LINE = re.compile(r"[#%]RAWIMUS?(X?)A,[^;]*;([^*]*)\*[0-9a-fA-F]{8}")
 _NAMES = ("time [s]", *(f"{of}_{axis} [count]" for of in ("acc", "gyro") for axis in "xyz"))
 
 
-def rawimu(path: Path) -> Table | None:
+def rawimu_counts(path: Path) -> Table | None:
     """Return counts of velocity and angle along x, y, z, and GPS time [s]; None for a file without such lines.
 
     Raises InputError for a line of the kind that is damaged, with its number; the last one may be cut short.

@@ -17,15 +17,15 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.guess import clocks
 from gimbalcal.guess.celestial import angle_stated, latitude_column, sidereal, sidereal_hours
-from gimbalcal.guess.column_names import ANGLES, by_name, by_spelling, is_anonymous, plain, unit_written
+from gimbalcal.guess.column_names import ANGLES, by_name, by_spelling, is_anonymous, plain_name, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.guess.text_table import Table
-from gimbalcal.importers.pointing_files import elapsed, in_order, pointing_run
+from gimbalcal.importers.pointing_files import elapsed_seconds, in_order, pointing_run
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording.columns import ROW_STEP_S
-from gimbalcal.recording.record import ANYWHERE, Recording
+from gimbalcal.recording.record import UNKNOWN_SITE, Recording
 from gimbalcal.recording.site import with_normal_gravity
 from gimbalcal.units import to_si
 
@@ -126,7 +126,9 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     growing = {n: x for n, x in table.columns.items() if np.all(np.diff(x) > 0)}
     named = [n for n in growing if (g := by_name(n)) and g.quantity == "time"]
     clock = next(iter([*named, *(n for n, x in growing.items() if clocks.unit_of_epoch(x))]), "")
-    triad = [n for n in table.columns if plain(n) in ("x", "y", "z")]  # three axes, and no axis with its measurement
+    triad = [
+        n for n in table.columns if plain_name(n) in ("x", "y", "z")
+    ]  # three axes, and no axis with its measurement
     angles = {
         n: x
         for n, x in table.columns.items()
@@ -149,10 +151,10 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     if len(pairs) != 1:
         return None
     first, second = pairs[0]
-    roles = [{_ROLE.get(w) for w in plain(n).split("_")} for n in pairs[0]]
+    roles = [{_ROLE.get(w) for w in plain_name(n).split("_")} for n in pairs[0]]
     if "true" in roles[0] and "true" not in roles[1] and not signal:
         first, second = second, first
-    units = [unit if (unit := unit_written(plain(n))) in ANGLES else "" for n in (first, second)]
+    units = [unit if (unit := unit_written(plain_name(n))) in ANGLES else "" for n in (first, second)]
     usual = "deg" if np.ptp(angles[second if signal else first]) > 2 * np.pi else "rad"
     read, true = (np.asarray(to_si(angles[n], u or usual)) for n, u in zip((first, second), units, strict=True))
     ratio = float(np.polyfit(read, true, 1)[0])
@@ -171,7 +173,7 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
         read = np.asarray(np.polyval(np.polyfit(read, true, 1), read))
     time, remarks = (_seconds(clock, table), ()) if clock else in_order(path, len(read))
     axis = KNOWN["rate-table"].axes[0].name
-    run = pointing_run(path, KNOWN["rate-table"], ANYWHERE, time, {axis: read}, {axis: true})
+    run = pointing_run(path, KNOWN["rate-table"], UNKNOWN_SITE, time, {axis: read}, {axis: true})
     why = {
         ("gimbal_angle", axis): (
             first,
@@ -193,7 +195,7 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
 
 def _signal_along(angle: str, table: Table, clock: str) -> str:
     """Return the column of a signal that goes with an angle by name, where a table holds no others; else empty."""
-    words, others = plain(angle), [n for n in table.columns if n not in (angle, clock)]
+    words, others = plain_name(angle), [n for n in table.columns if n not in (angle, clock)]
     called = unit_written(words) in ANGLES or bool(_ANGLE_WORDS.intersection(words.split("_")))
     if not called or len(others) != 1 or ((g := by_name(others[0])) and g.quantity != "weight"):
         return ""  # counts are called as the number of samples is
@@ -204,8 +206,10 @@ def _signal_along(angle: str, table: Table, clock: str) -> str:
 
 def _is_readout(name: str) -> bool:
     """Return whether a name is that of an angle, a command or a measurement."""
-    words = plain(name).split("_")
-    return unit_written(plain(name)) in ANGLES or bool(_READOUT.intersection(words)) or any(w in _ROLE for w in words)
+    words = plain_name(name).split("_")
+    return (
+        unit_written(plain_name(name)) in ANGLES or bool(_READOUT.intersection(words)) or any(w in _ROLE for w in words)
+    )
 
 
 def _is_count(x: Array) -> bool:
@@ -221,7 +225,7 @@ def _one_offset(columns: list[AngleColumn]) -> list[AngleColumn]:
     if len(of_axis := [s for s in offsets if not s.on_sky]) == 1:  # beside the same on the sky
         columns = [s for s in columns if s.role != "offset" or s in of_axis]
         offsets = of_axis
-    named = [s for s in offsets if not _ERROR.intersection(plain(s.name).split("_"))]
+    named = [s for s in offsets if not _ERROR.intersection(plain_name(s.name).split("_"))]
     if len(named or offsets) > 1:
         raise InputError(
             f"which of {' and '.join(s.name for s in named or offsets)} is what the mount was off by? Leave one of "
@@ -232,9 +236,9 @@ def _one_offset(columns: list[AngleColumn]) -> list[AngleColumn]:
 
 def _angle_column(name: str) -> AngleColumn | None:
     bare = re.sub(r"[\[(].*", "", _COSINE.sub(" cos ", name))
-    within = [w for w in plain(name[len(bare) :]).split("_") if _ROLE.get(w) in ("true", "read")]  # HA(true)
-    words = [*plain(bare).split("_"), *within]
-    unit = unit_written(plain(name)) if re.search(r"[\[(_ ]", name) else ""
+    within = [w for w in plain_name(name[len(bare) :]).split("_") if _ROLE.get(w) in ("true", "read")]  # HA(true)
+    words = [*plain_name(bare).split("_"), *within]
+    unit = unit_written(plain_name(name)) if re.search(r"[\[(_ ]", name) else ""
     on_sky, role, axis = bool(_SKY.intersection(words)), "", ""
     for word in words:
         fused = _FUSED.match(word)
@@ -315,7 +319,7 @@ def _channels(
     by_role = {role: next((s for s in plain_ones if s.role == role), None) for role in ("true", "read", "")}
     a, b = by_role["true"], by_role["read"]
     both = [s for s in plain_ones if s.role == "true"]
-    solved = [s for s in both if _SOLVED.intersection(plain(s.name).split("_"))]
+    solved = [s for s in both if _SOLVED.intersection(plain_name(s.name).split("_"))]
     if len(both) == 2 and len(solved) == 1 and not b:  # the mount took itself for where it was sent
         a, b = solved[0], next(s for s in both if s is not solved[0])
     if a and b:
@@ -328,7 +332,7 @@ def _channels(
     if a and b:
         true[axis], read[axis] = (_angle(table, s, axis, notes) for s in (a, b))
         why["true_angle", axis], why["gimbal_angle", axis] = (a.name, reason), (b.name, reason)
-        if offset and not _agree(read[axis] - true[axis], _offset(table, offset, axis, {})):
+        if offset and not offsets_agree(read[axis] - true[axis], _offset(table, offset, axis, {})):
             raise InputError(
                 f"{path}: {b.name} less {a.name} is not what {offset.name} says: leave {b.name} out of the log if the "
                 f"mount was off by {offset.name}, or {offset.name} if it was not"
@@ -341,7 +345,7 @@ def _channels(
             f"{path}: of {axis} there is no readout beside the true angle ({there}); name its columns as in az_true "
             "and az_encoder, or write a header and use `gimbalcal import csv`"
         )
-    sign, sense = _sense(table, offset)
+    sign, sense = sense_of_offsets(table, offset)
     notes["sign"] = f"offsets are {sense}"
     off = sign * _offset(table, offset, axis, notes)
     where = _angle(table, one, axis, notes)
@@ -355,7 +359,7 @@ def _channels(
     return offset
 
 
-def _agree(difference: Array, offset: Array) -> bool:
+def offsets_agree(difference: Array, offset: Array) -> bool:
     """Return whether offsets (n,) are, up to their sign, the difference of two angles [rad]."""
     distance = np.abs(np.mod(difference + np.pi, 2 * np.pi) - np.pi)
     return bool(np.nanmedian(np.abs(distance - np.abs(offset))) < 0.5 * np.nanmedian(np.abs(offset)))
@@ -386,7 +390,7 @@ def _offset(table: Table, s: AngleColumn, axis: str, notes: dict[str, str]) -> A
     return np.asarray(to_si(x, unit))
 
 
-def _sense(table: Table, offset: AngleColumn) -> tuple[int, str]:
+def sense_of_offsets(table: Table, offset: AngleColumn) -> tuple[int, str]:
     """Return 1 where offsets are readout minus truth, -1 where they are the reverse, and by what."""
     for text in (*table.above, offset.name):
         for minuend, subtrahend in _MINUS.findall(text.lower()):
@@ -401,7 +405,9 @@ def _sense(table: Table, offset: AngleColumn) -> tuple[int, str]:
 def _sidereal_seconds(path: Path, table: Table, rows: int) -> tuple[Array, tuple[str, ...]]:
     """Return seconds by the sidereal time where it is logged and grows, else by the number of the row."""
     try:
-        return elapsed(path, sidereal_hours(table, clock)) if (clock := sidereal(table)) else in_order(path, rows)
+        return (
+            elapsed_seconds(path, sidereal_hours(table, clock)) if (clock := sidereal(table)) else in_order(path, rows)
+        )
     except InputError:
         return in_order(path, rows)
 

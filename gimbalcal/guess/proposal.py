@@ -20,13 +20,13 @@ from gimbalcal.checks.table import CHECKS, refuse_implausible
 from gimbalcal.errors import InputError, list_of_alternatives, number_of
 from gimbalcal.guess.attitude import motion_cost, with_reference
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon, refuse_single_places
-from gimbalcal.guess.column_guess import guessed, with_units
-from gimbalcal.guess.column_names import by_name, estimated, quantity_of_log
+from gimbalcal.guess.column_guess import guess_columns, with_units
+from gimbalcal.guess.column_names import by_name, is_estimated, quantity_of_log
 from gimbalcal.guess.column_values import MAX_BIAS_DEG_S, changes_direction
 from gimbalcal.guess.gimbal_chain import chain_among, encoder_angles, gimbal_chain
 from gimbalcal.guess.log import Guess, Log
-from gimbalcal.guess.merged_logs import are_parts, concatenated, on_one_clock, slowest_first
-from gimbalcal.guess.novatel import rawimu
+from gimbalcal.guess.merged_logs import are_parts, concatenated_logs, on_one_clock, slowest_first
+from gimbalcal.guess.novatel import rawimu_counts
 from gimbalcal.guess.pointing_run import (
     PointingRun,
     angles_in,
@@ -140,7 +140,7 @@ class _Context:
         return Proposal(recording, log.guesses, left_out, {**notes, "noise": NOISE_FROM_ROWS})
 
 
-def propose(
+def propose_recording(
     logs: Sequence[Path],
     title: str = "",
     rate: float = 0.0,
@@ -169,13 +169,13 @@ def propose(
         if arrays := arrays_tables(path):
             tables |= arrays
         else:
-            whole = rawimu(path)
+            whole = rawimu_counts(path)
             tables |= {path: whole} if whole else tables_of(path, dates)
     return of_tables(tables, title, rate, place)
 
 
 def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: StatedByUser) -> Proposal:
-    """Return the proposal of tables by the path, or the name, of their logs, as `propose` does."""
+    """Return the proposal of tables by the path, or the name, of their logs, as `propose_recording` does."""
     for quantity, unit in place.units.items():
         if quantity not in GUESSED_UNITS:
             raise InputError(
@@ -191,12 +191,12 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
         for name in table.columns
         if (g := by_name(name, quantity_of_log(path.stem)))
     }
-    read = {path: guessed(path, table, rate, elsewhere, place.units) for path, table in tables.items()}
+    read = {path: guess_columns(path, table, rate, elsewhere, place.units) for path, table in tables.items()}
     skipped = sum(table.skipped for table in tables.values())
     notes = {"lines": f"{number_of(skipped, 'line')} skipped: of another kind, or empty"} if skipped else {}
     notes |= {k: f"{path.name}: {n}" for path, each in read.items() if path != first for k, n in each.notes.items()}
     if are_parts([each.log for each in read.values()]):
-        whole, notes["samples"] = concatenated({path: each.bare for path, each in read.items()})
+        whole, notes["samples"] = concatenated_logs({path: each.bare for path, each in read.items()})
         read = {first: replace(read[first], log=with_units(whole, place.units))}
         title = f"{title} and {len(tables) - 1} more" if title == first.stem else title
     (_, log), *others = slowest_first([(path, each.log) for path, each in read.items()])
@@ -206,7 +206,7 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     context = _Context(title, place.site, {**notes, **read[first].notes}, left_out)
     missing = [a for a in "xyz" if a not in {log.guesses[n].axis for n in log.names(FORCE)}]
     if (len(missing) == 3 or gravity_is_constant(log)) and (table := turned_by_table(log)):
-        return _turned(table, context)
+        return recording_on_table(table, context)
     above = [line for table in tables.values() for line in table.above]
     rates = {log.guesses[n].axis for n in log.names(RATE)}
     if len(missing) == 3 and rates == set("xyz") and not log.has("gimbal_angle"):
@@ -269,22 +269,22 @@ def _self_describing(path: Path, title: str, place: StatedByUser) -> Proposal | 
         return None
     if is_guide_log(head_of(path)):
         stated = {} if place.latitude is None else {"latitude": str(place.latitude)}
-        return _described("a guide log of PHD2", import_phd2([path], stated), title)
+        return described_run("a guide log of PHD2", import_phd2([path], stated), title)
     for kind, read in SELF_DESCRIBING.items():
         try:
-            return _described(kind, read([path], {}), title)
+            return described_run(kind, read([path], {}), title)
         except (InputError, UnicodeDecodeError, OSError):
             continue
     return None
 
 
-def _described(kind: str, run: Recording, title: str) -> Proposal:
+def described_run(kind: str, run: Recording, title: str) -> Proposal:
     guesses = {"time": Guess("time", "", "s", f"the form of the file, {kind}")}
     guesses |= {f"{q} {a}": Guess(q, a, "deg", f"the form of the file, {kind}") for q, a in run.channels}
     return Proposal(replace(run, title=title), guesses, (), {"kind": f"the file is {kind}"})
 
 
-def _turned(table: TurnedLog, context: _Context) -> Proposal:
+def recording_on_table(table: TurnedLog, context: _Context) -> Proposal:
     """Return the recording of gyroscopes that a table turned."""
     recording = context.recording(table.log, table.platform, kind="rotation")
     kind = (
@@ -326,7 +326,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         cost = candidate.cost + (motion_cost(trial) if log.has_open_unit(RATE) else 0.0)
         try:
             trial = trial.shortened(at_rest, MAX_DWELL_ROWS) if at_rest else trial
-            proposal, used = _tried(trial, candidate.log, context)
+            proposal, used = tried_recording(trial, candidate.log, context)
         except InputError as problem:
             moving = isinstance(problem, _MovingUnitError)
             refused.append((cost + (MIN_MARGIN - MAX_EXCESS if moving else 0.0), problem))
@@ -369,7 +369,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
     return replace(proposal, notes=notes)
 
 
-def _tried(trial: Log, whole: Log, context: _Context) -> tuple[Proposal, Log]:
+def tried_recording(trial: Log, whole: Log, context: _Context) -> tuple[Proposal, Log]:
     """Return the recording of a log of means, or of the whole log where that is refused, and which of them it is."""
     try:
         return _in_units(trial, context), trial
@@ -506,7 +506,7 @@ def without_moving_rests(recording: Recording) -> tuple[Recording, int]:
 
 def _angle_candidates(log: Log) -> dict[str, Array]:
     """Return columns that may be angles of a rig although nothing calls them so."""
-    return {n: x for n, x in log.unknown.items() if np.all(np.isfinite(x)) and not estimated(n)}
+    return {n: x for n, x in log.unknown.items() if np.all(np.isfinite(x)) and not is_estimated(n)}
 
 
 def _rig(log: Log, context: _Context) -> tuple[Correction | None, dict[str, Guess], tuple[str, ...]]:

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.guess.column_names import plain, quantity_of_log
-from gimbalcal.guess.message_log import leaves
+from gimbalcal.guess.column_names import plain_name, quantity_of_log
+from gimbalcal.guess.message_log import leaves_of_object
 from gimbalcal.guess.text_table import MIN_COLUMNS, Table, table_of_columns, values_of
-from gimbalcal.importers.hdf5 import dataset, dataset_names
+from gimbalcal.importers.hdf5 import dataset_names, read_dataset
 from gimbalcal.importers.registry import DAMAGED
 from gimbalcal.importers.sandboxed_reader import matlab_variables
 from gimbalcal.importers.text_file import encoding_of
@@ -28,7 +28,7 @@ from gimbalcal.number import Array, holds_real_numbers
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.memory_limit import refuse_packed_bomb
 from gimbalcal.recording.record import FORCE
-from gimbalcal.recording.samples import quiet
+from gimbalcal.recording.samples import redirect_messages
 
 START = 4096  # bytes that show what a file is
 MIN_ROWS = 3
@@ -94,7 +94,7 @@ def frame_table(frame: Any, called: str = "the frame") -> Table:
         text = pl.Series(name, x.astype(str)) if x.ndim == 1 else pl.Series(name, [], dtype=pl.String)
         return values_of(name, text, ",", dates)
 
-    rates = [n for n, x in columns.items() if x.ndim == 0 and plain(n.rpartition(".")[2]) in RATE_NAMES]
+    rates = [n for n, x in columns.items() if x.ndim == 0 and plain_name(n.rpartition(".")[2]) in RATE_NAMES]
     above = tuple(f"sample rate {float(columns[n])!r}" for n in rates)
     table = table_of_columns((name, *values(name, x)) for name, x in columns.items() if x.ndim)
     if len(table.columns) < MIN_COLUMNS:
@@ -106,7 +106,7 @@ def frame_table(frame: Any, called: str = "the frame") -> Table:
 def _reader(path: Path, start: bytes) -> Callable[[Path], Mapping[str, Any]] | None:
     """Return the function that reads a file beginning so; None where there is none."""
     if b"\x89HDF\r\n\x1a\n" in (start[:8], start[512:520]):  # MATLAB puts 512 bytes of its own before it
-        return lambda p: {name: dataset(p, name) for name in dataset_names(p)}
+        return lambda p: {name: read_dataset(p, name) for name in dataset_names(p)}
     if start.startswith(b"MATLAB 5.0 MAT-file"):
         return matlab_variables
     if start.startswith(b"\x93NUMPY") or (start.startswith(b"PK\x03\x04") and _holds_arrays(path)):
@@ -151,7 +151,7 @@ def _parquet(path: Path) -> Mapping[str, Any]:
     import polars as pl
 
     try:
-        with quiet():  # the engine prints a panic of its own to stderr
+        with redirect_messages():  # the engine prints a panic of its own to stderr
             frame = pl.read_parquet(path.absolute(), glob=False)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         raise InputError(f"{path} cannot be read as Parquet: {str(error).splitlines()[0]}") from None
@@ -168,7 +168,7 @@ def _json(path: Path) -> Mapping[str, Any]:
     while pending:
         each = pending.pop()
         if isinstance(each, list) and len(each) > size and all(isinstance(row, dict) for row in each):
-            rows = [{n: np.nan if x is None else x for n, x in leaves(row)} for row in each]
+            rows = [{n: np.nan if x is None else x for n, x in leaves_of_object(row)} for row in each]
             best, size = {n: np.array([row.get(n, np.nan) for row in rows]) for n in rows[0]}, len(each)
         elif isinstance(each, list):
             pending += [inner for inner in each if isinstance(inner, list | dict)]
@@ -187,7 +187,7 @@ def _parts(path: Path, variables: Mapping[str, Any]) -> dict[Path, Mapping[str, 
 
     Arrays of as many rows each may be several triads at once, and all variables stay together.
     """
-    tall = {name: _tall(x) for name, x in variables.items() if x is not None and np.ndim(x)}
+    tall = {name: rows_before_components(x) for name, x in variables.items() if x is not None and np.ndim(x)}
     triads = {name: x for name, x in tall.items() if x.ndim == 2 and x.shape[1] == 3 and len(x) >= MIN_ROWS}
     quantities = {quantity_of_log(name) for name in triads}
     if len(triads) < len(tall) or len(quantities) > 1 or "" in quantities or len({*map(len, triads.values())}) < 2:
@@ -197,7 +197,7 @@ def _parts(path: Path, variables: Mapping[str, Any]) -> dict[Path, Mapping[str, 
     return {path / name: {**common, quantity: x} for name, x in triads.items()}
 
 
-def _tall(x: Any) -> Array:
+def rows_before_components(x: Any) -> Array:
     """Return an array with a row for each reading, of which there are more than components."""
     x = np.squeeze(np.asarray(x))
     return x.T if x.ndim == 2 and x.shape[0] < x.shape[1] else x
@@ -216,7 +216,7 @@ def _columns(path: Path, variables: Mapping[str, Any]) -> tuple[dict[str, Any], 
     And the names of what has rows too, but another number of them.
     """
     arrays = {name: np.squeeze(np.asarray(x)) for name, x in variables.items() if x is not None}
-    tall = {name: _tall(x) for name, x in arrays.items() if x.ndim in (1, 2)}
+    tall = {name: rows_before_components(x) for name, x in arrays.items() if x.ndim in (1, 2)}
     width, sensors = Counter[int](), Counter[int]()
     for name, x in tall.items():
         width[len(x)] += 1 if x.ndim == 1 else x.shape[1]

@@ -19,7 +19,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess import date_formats
-from gimbalcal.guess.column_names import by_name, is_unit, plain, unit_written
+from gimbalcal.guess.column_names import by_name, is_unit, plain_name, unit_written
 from gimbalcal.guess.message_log import tables_in
 from gimbalcal.importers.pointing_files import sexagesimal
 from gimbalcal.importers.text_file import encoding_of, frame_of
@@ -146,7 +146,7 @@ def _rows(
     try:
         if mark != "  ":
             numbers = [bool(_DECIMAL.fullmatch(cell)) for cell in _cells(head[first], mark)]
-            return _called(frame_of(path, mark, first, False, quoted, lines, comment, numbers), layout.names), 0
+            return with_headings(frame_of(path, mark, first, False, quoted, lines, comment, numbers), layout.names), 0
     except InputError:  # a row with more cells than the first
         pass
     every = path.read_text(encoding=encoding_of(path), errors="replace").splitlines() if lines is None else lines
@@ -161,10 +161,10 @@ def _rows(
             f"{like.strip()[:60]!r} do not; put the rows of one kind into a file of their own, with names above"
         )
     clean = ["\t".join(cell.replace("\t", " ") for cell in row) for row in rows]
-    return _called(frame_of(path, "\t", 0, False, False, clean, ""), layout.names), len(cells) - len(rows)
+    return with_headings(frame_of(path, "\t", 0, False, False, clean, ""), layout.names), len(cells) - len(rows)
 
 
-def _called(frame: pl.DataFrame, headings: Sequence[str]) -> pl.DataFrame:
+def with_headings(frame: pl.DataFrame, headings: Sequence[str]) -> pl.DataFrame:
     """Return the frame with its columns called by the headings, by number where there is none; no name stands twice."""
     names = [name or str(i) for i, name in enumerate(headings or [""] * frame.width, start=1)]
     names = [*names, *map(str, range(len(names) + 1, frame.width + 1))][: frame.width]
@@ -224,7 +224,9 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
     first = str(filled[0]).strip() if len(filled) else ""
     guess = by_name(name)
     if date_formats.is_stamp(first):
-        text = pl.Series(name, date_formats.in_iso(*date_formats.split([str(cell or "") for cell in text.to_list()])))
+        text = pl.Series(
+            name, date_formats.in_iso(*date_formats.split_stamps([str(cell or "") for cell in text.to_list()]))
+        )
         first = str(text[0])
     if is_date(first) and (
         "-" in first[1:] or (guess and guess.quantity == "time") or not SEXAGESIMAL.fullmatch(first)
@@ -313,14 +315,14 @@ def _names(above: Sequence[str], mark: str, width: int, row: Sequence[str]) -> t
     best: tuple[int, int, tuple[str, ...]] = (-1, -1, ())
     for i, line in enumerate(above):
         for cells in _headings(line, mark, width, filled):
-            known = sum(map(_known, cells)) + width * (cells[0].lower() in _HEADING)
+            known = sum(map(is_known_word, cells)) + width * (cells[0].lower() in _HEADING)
             if (known, i) >= best[:2] and not (best[0] >= 0 and _holds_units(cells)):
                 best = known, i, cells
                 break
     known, at, names = best
     if at < 0:
         return ()
-    upper, lower = (_padded(above[i], mark, width) if 0 <= i < len(above) else () for i in (at - 1, at + 1))
+    upper, lower = (padded_cells(above[i], mark, width) if 0 <= i < len(above) else () for i in (at - 1, at + 1))
     repeated = len(set(names)) < 0.7 * len(names)
     if repeated and upper and any(map(_holds_letters, upper)):
         groups = list(upper)
@@ -349,7 +351,7 @@ def _headings(line: str, mark: str, width: int, filled: int) -> Iterator[tuple[s
             cells.pop()
         if comment:
             cells = [f"{cells[k - 1]} sigma" if w in _BESIDE and k else w for k, w in enumerate(cells)]
-            if len(cells) > width and 2 * sum(map(_known, cells[-width:])) >= width:
+            if len(cells) > width and 2 * sum(map(is_known_word, cells[-width:])) >= width:
                 cells = cells[-width:]  # remarks may stand before the names
         elif width < len(cells) <= most + 1 and mark != " " and any(map(by_name, cells[:width])):
             cells, width = cells[:most], len(cells[:most])
@@ -363,7 +365,7 @@ def _headings(line: str, mark: str, width: int, filled: int) -> Iterator[tuple[s
             yield tuple(cells + [""] * (width - len(cells)))
 
 
-def _padded(line: str, mark: str, width: int) -> tuple[str, ...]:
+def padded_cells(line: str, mark: str, width: int) -> tuple[str, ...]:
     """Return the cells of a line that has no more than `width`, filled up with empty ones; none for a longer line."""
     cells = [cell.strip().strip("\"'").strip() for cell in _cells(line, mark)]
     while cells and not cells[-1]:
@@ -371,19 +373,19 @@ def _padded(line: str, mark: str, width: int) -> tuple[str, ...]:
     return tuple(cells + [""] * (width - len(cells))) if 1 < len(cells) <= width else ()
 
 
-def _known(word: str) -> bool:
+def is_known_word(word: str) -> bool:
     """Return whether a word names a column of a log, or has a unit in brackets."""
-    return by_name(word) is not None or bool(re.search(r"[\[(]", word) and unit_written(plain(word)))
+    return by_name(word) is not None or bool(re.search(r"[\[(]", word) and unit_written(plain_name(word)))
 
 
 def _wordy_cells(row: Sequence[str]) -> Iterator[int]:
     """Yield the places of the cells that hold something that is no number."""
     for i, cell in enumerate(row):
-        if (text := cell.strip(" \"'")) and not _numeric(text):
+        if (text := cell.strip(" \"'")) and not is_numeric(text):
             yield i
 
 
-def _numeric(cell: str) -> bool:
+def is_numeric(cell: str) -> bool:
     """Return whether a cell is a number, an angle or a date."""
     if _NUMBER.fullmatch(cell) or SEXAGESIMAL.fullmatch(cell):
         return True
@@ -393,7 +395,7 @@ def _numeric(cell: str) -> bool:
 def _share_of_numbers(row: Sequence[str]) -> float:
     """Return which share of the cells that are filled are numbers, angles or dates; 0 where fewer than two are."""
     cells = [text for cell in row if (text := cell.strip(" \"'"))]
-    known = sum(map(_numeric, cells))
+    known = sum(map(is_numeric, cells))
     return known / len(cells) if known >= MIN_COLUMNS else 0.0
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.checks.driven_rates import MAX_RESIDUAL, DrivenTurn, driven_turn
 from gimbalcal.checks.input_errors import successful_trials
 from gimbalcal.effects.history import integral
-from gimbalcal.guess.column_names import axis_word, commanded, estimated, plain, rate_word, unit_written
+from gimbalcal.guess.column_names import axis_word, is_commanded, is_estimated, plain_name, rate_word, unit_written
 from gimbalcal.guess.column_values import RATE_UNIT_COSTS, changes_direction
 from gimbalcal.guess.gimbal_chain import MAX_AXES, MAX_COLUMNS, QUARTER_TURNS, chains, encoder_angles, usual_platform
 from gimbalcal.guess.log import Guess, Log
@@ -104,7 +104,7 @@ def turned_by_table(log: Log) -> TurnedLog | None:
         if readout.is_rate:
             rate = np.asarray(to_si(np.where(whole, values, 0.0), readout.unit))
             reason = f"{readout.name.strip()} in {readout.unit}, added up over time from zero; {reason}"
-            name, guess = f"{plain(readout.name)}_added_up", Guess("gimbal_angle", axis, "deg", reason)
+            name, guess = f"{plain_name(readout.name)}_added_up", Guess("gimbal_angle", axis, "deg", reason)
             values = np.degrees(integral(rate, time))
         else:
             name, guess = readout.name, Guess("gimbal_angle", axis, readout.unit, reason)
@@ -141,20 +141,20 @@ def missing_table(log: Log, parts: bool) -> str:
 def _axis_candidates(log: Log) -> dict[str, Array]:
     """Return columns that may be angles or rates of a rig, and turn."""
     named = {n: log.columns[n] for n in log.names("gimbal_angle")}
-    candidates = {n: x for n, x in log.columns.items() if (n in named or n not in log.guesses) and not estimated(n)}
+    candidates = {n: x for n, x in log.columns.items() if (n in named or n not in log.guesses) and not is_estimated(n)}
     return {n: x for n, x in candidates.items() if np.isfinite(x).mean() > 0.5 and np.nanmin(x) < np.nanmax(x)}
 
 
 def _by_likelihood(columns: Mapping[str, Array]) -> Iterator[dict[str, Array]]:
     """Yield columns that are called after axes of a rig, then those of any name, and last the commands to a rig."""
-    measured = {n: x for n, x in columns.items() if not commanded(n)}
+    measured = {n: x for n, x in columns.items() if not is_commanded(n)}
     for group in ({n: x for n, x in measured.items() if axis_word(n)}, measured, columns):
         yield {n: group[n] for n in list(group)[:MAX_COLUMNS]}
 
 
 def _readouts(name: str, x: Array, time: Array) -> Iterator[TableReadout]:
     """Yield the ways to read a column: as its name says, else as an angle and as a rate in the usual units."""
-    written, angles, rates = unit_written(plain(name)), QUANTITIES["gimbal_angle"].units, QUANTITIES[RATE].units
+    written, angles, rates = unit_written(plain_name(name)), QUANTITIES["gimbal_angle"].units, QUANTITIES[RATE].units
     if rate_word(name) and written in angles:
         written += "/s"  # table_rate_rad
     if written not in rates:

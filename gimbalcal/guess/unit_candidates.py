@@ -101,7 +101,7 @@ def rate_costs(log: Log) -> dict[str, tuple[float, str]]:
     return costs_of_rate([x[full] for x in values], counted)
 
 
-def scales(above: Sequence[str]) -> dict[str, list[tuple[float, str]]]:
+def stated_scales(above: Sequence[str]) -> dict[str, list[tuple[float, str]]]:
     """Return the SI units of one count by quantity, as lines above a table state them, each with its line."""
     out: dict[str, list[tuple[float, str]]] = {FORCE: [], RATE: []}
     for line in above:
@@ -120,7 +120,7 @@ def in_physical_units(log: Log, above: Sequence[str], step: float) -> Log:
 
     Accelerometers are scaled only where they then read gravity; counts may also be sums over a step of `step` s.
     """
-    for quantity, stated in scales(above).items():
+    for quantity, stated in stated_scales(above).items():
         unit, of_unit = ("g", "counts per g") if quantity == FORCE else ("deg/s", "counts per deg/s")
         names = [n for n in log.names(quantity) if log.guesses[n].unit == "count"]
         for size, line in stated if len(names) == 3 else ():

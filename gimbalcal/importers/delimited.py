@@ -16,7 +16,7 @@ from gimbalcal.importers.text_file import frame_of, holds_numbers, separator_of
 from gimbalcal.number import Array
 from gimbalcal.recording.dates import is_date
 from gimbalcal.recording.frames import recording_of
-from gimbalcal.recording.lines import EMPTY, names_above, numbered
+from gimbalcal.recording.lines import EMPTY, are_numbered, names_above
 from gimbalcal.recording.record import Recording
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     wanted = [c.name for c in header.columns]
     named = not holds_numbers(path, skip, separator)
     frame = frame_of(path, separator, skip, named)
-    if numbered(wanted) and not set(wanted) <= set(frame.columns):
+    if are_numbered(wanted) and not set(wanted) <= set(frame.columns):
         frame.columns = [str(i) for i in range(1, frame.width + 1)]
     elif not named:
         frame.columns = names_above(path, frame.width, skip) or frame.columns
@@ -61,12 +61,12 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
         if clock and name == clock.name and len(filled) and is_date(filled[0]):
             return np.array(text.fill_null("").to_list())
         text = text.str.replace(",", ".", literal=True) if separator == ";" else text
-        return _numbers(path, name, text, named)
+        return column_numbers(path, name, text, named)
 
     return recording_of(replace(header, named=named), fetch, number(options, "rate", 0.0))
 
 
-def _numbers(path: Path, name: str, text: pl.Series, named: bool) -> Array:
+def column_numbers(path: Path, name: str, text: pl.Series, named: bool) -> Array:
     import polars as pl
 
     empty = text.is_null() | text.is_in(["", *EMPTY])

@@ -26,7 +26,7 @@ def import_hdf5(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     (path,) = files
 
     def variable(name: str) -> tuple[Path, Array]:
-        values = dataset(path, name)
+        values = read_dataset(path, name)
         if values is None:
             raise InputError(f"{path} has no data set {name!r}; it has {', '.join(dataset_names(path))}")
         return path, values
@@ -39,19 +39,19 @@ def dataset_names(path: Path) -> tuple[str, ...]:
     import h5py
 
     names: list[str] = []
-    with _opened(path) as file:
+    with open_file(path) as file:
         file.visititems(lambda each, item: names.append(each) if isinstance(item, h5py.Dataset) else None)
     return tuple(name for name in names if not name.startswith("#"))  # MATLAB keeps its own under #refs#
 
 
-def dataset(path: Path, name: str) -> Array | None:
+def read_dataset(path: Path, name: str) -> Array | None:
     """Return one data set, its levels separated by a slash or a dot; text as text; None where there is none.
 
     Raises InputError for one whose content lies in another file: what a file shows of this machine is its own.
     """
     import h5py
 
-    with _opened(path) as file:
+    with open_file(path) as file:
         place = name.replace(".", "/").strip("/") or "/"
         _refuse_external_links(path, file, place)
         item = file.get(place)
@@ -86,7 +86,7 @@ def _refuse_external_links(path: Path, file: h5py.File, place: str) -> None:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[h5py.File]:
+def open_file(path: Path) -> Iterator[h5py.File]:
     """Open the file; whatever its content does to the library is raised as one sentence."""
     import h5py
 

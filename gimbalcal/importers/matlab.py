@@ -9,7 +9,7 @@ from typing import Any
 
 from gimbalcal.errors import InputError
 from gimbalcal.importers.described_table import from_variables
-from gimbalcal.importers.hdf5 import dataset, dataset_names
+from gimbalcal.importers.hdf5 import dataset_names, read_dataset
 from gimbalcal.importers.registry import importer
 from gimbalcal.importers.sandboxed_reader import matlab_variables
 from gimbalcal.recording.record import Recording, Source
@@ -33,7 +33,7 @@ def import_matlab(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
     A column is called by variable, field and index; where each channel has a file of its own, by the name of the file
     (its only variable is meant) or by file and variable, "ax.data".
     """
-    variables = [_opened(path) for path in files]
+    variables = [open_file(path) for path in files]
     recording = from_variables(files[0], options, lambda name: _variable(variables, name))
     return replace(recording, source=(*recording.source, *map(Source.of, files[1:])))
 
@@ -58,10 +58,10 @@ def _variable(variables: Sequence[_Variables], name: str) -> tuple[Path, Any]:
     raise InputError(f"no file has a variable {name!r}, and none that holds one variable is called so; {has}")
 
 
-def _opened(path: Path) -> _Variables:
+def open_file(path: Path) -> _Variables:
     with path.open("rb") as file:
         start = file.read(520)
     if _HDF5 in (start[:8], start[512:520]):  # MATLAB puts 512 bytes of its own before the signature
-        return _Variables(path, dataset_names(path), lambda name: dataset(path, name))
+        return _Variables(path, dataset_names(path), lambda name: read_dataset(path, name))
     variables = matlab_variables(path)
     return _Variables(path, tuple(variables), variables.get)

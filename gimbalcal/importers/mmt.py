@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.errors import InputError
-from gimbalcal.importers.pointing_files import elapsed, pointing_run, sexagesimal
+from gimbalcal.importers.pointing_files import elapsed_seconds, pointing_run, sexagesimal
 from gimbalcal.importers.registry import importer
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording.record import Recording, Site
@@ -45,7 +45,7 @@ def import_mmt(files: Sequence[Path], _options: Mapping[str, str]) -> Recording:
         listed = ", ".join(f"{n} {name}" for name, n in counts.items())
         raise InputError(f"{path} is not an MMT pointing run: each star needs RAA, TAA and LST, there are {listed}")
     raw, true = (np.radians(np.array(numbers_of[name])[:, :2]) for name in ("RAA", "TAA"))
-    time, remarks = elapsed(path, np.array(numbers_of["LST"])[:, 0])
+    time, remarks = elapsed_seconds(path, np.array(numbers_of["LST"])[:, 0])
     readout = {axis: raw[:, i] for i, axis in enumerate(AXES)}
     where = Site(float(LATITUDE), HEIGHT)
     run = pointing_run(path, KNOWN["alt-az"], where, time, readout, {axis: true[:, i] for i, axis in enumerate(AXES)})

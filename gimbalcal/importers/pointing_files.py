@@ -43,7 +43,7 @@ def about_other_pole(around: Array, up: Array, latitude: float) -> tuple[Array, 
     return np.arctan2(across, meridian), np.arctan2(height, np.hypot(meridian, across))
 
 
-def elapsed(path: Path, sidereal_hours: Array) -> tuple[Array, tuple[str, ...]]:
+def elapsed_seconds(path: Path, sidereal_hours: Array) -> tuple[Array, tuple[str, ...]]:
     """Return seconds since the first row, from the local sidereal time [h] of rows in order, and remarks on them.
 
     A clock that falls back by more than `MAX_DISORDER_H` is that of a later night, after an unknown number of days.

@@ -13,7 +13,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording.frames import from_frame
 from gimbalcal.recording.lines import EMPTY
 from gimbalcal.recording.record import Key, Recording, Source
-from gimbalcal.recording.scatter import pooled
+from gimbalcal.recording.scatter import pooled_scatter
 
 
 def text_matrix(path: Path, columns: int) -> Array:
@@ -50,5 +50,5 @@ def unit_log(
     columns = {"time": time, **{" ".join(key): values for key, values in channels.items()}}
     entries = {"time": "time [s]", **{" ".join(key): f"{' '.join(key)} [{units[key]}]" for key in channels}}
     recording = from_frame(columns, entries, kind=kind, title=title, called=str(files[0]))
-    scatter = pooled(recording.time, recording.position, recording.channels)
+    scatter = pooled_scatter(recording.time, recording.position, recording.channels)
     return replace(recording, source=tuple(map(Source.of, files)), scatter=scatter)

@@ -17,7 +17,7 @@ from gimbalcal.inference.noise_processes import Chain
 from gimbalcal.number import Array
 
 BATCH_NUMBERS = 2_000_000  # numbers, 16 MB
-HIDDEN = 1e-2  # variance of a mode in that of white noise: it changes ln L by a quarter of its square
+HIDDEN_VARIANCE = 1e-2  # variance of a mode in that of white noise: it changes ln L by a quarter of its square
 
 
 class Whitening(NamedTuple):
@@ -113,7 +113,7 @@ def modes(X: Array, beside: Chain) -> Modes:
     """Return columns X (R, p) of independent sizes of unit variance as modes, without those that noise hides."""
     X = whiten_beside(beside, X)
     variance, v = np.linalg.eigh(X.T @ X)
-    shown = variance > HIDDEN
+    shown = variance > HIDDEN_VARIANCE
     return Modes(beside, X @ (v[:, shown] / np.sqrt(variance[shown])), variance[shown])
 
 

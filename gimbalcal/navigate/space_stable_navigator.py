@@ -34,9 +34,9 @@ from gimbalcal.earth import E2, EARTH_RATE, FLATTENING, SEMI_MAJOR_AXIS, normal_
 from gimbalcal.number import Array
 from gimbalcal.rotation import frame_rotation
 
-COARSEST = 0.2  # step over the time constant of the height's loop beyond which it is not followed
-SOON = 200_000  # rows, which Python does in the time that loading the machine code takes
-SMALL = np.repeat([100.0, 0.1, 0.1], 3)  # m, m/s, m/s^2: steps of a derivative, 1e-9 of which is rounding
+MAX_STEP_RATIO = 0.2  # step over the time constant of the height's loop beyond which it is not followed
+MIN_COMPILED_ROWS = 200_000  # rows, which Python does in the time that loading the machine code takes
+DERIVATIVE_STEPS = np.repeat([100.0, 0.1, 0.1], 3)  # m, m/s, m/s^2: steps of a derivative, 1e-9 of which is rounding
 MICROSECOND = 6  # decimals: rows are alike whose lengths differ by less
 
 
@@ -89,7 +89,7 @@ def schuler_rate(site: InertialSite) -> float:
 
 
 USUAL = Aids()
-ALONE = Aids(damping=0.0)  # of a strapdown unit, as the papers navigate it
+UNDAMPED = Aids(damping=0.0)  # of a strapdown unit, as the papers navigate it
 
 
 def navigate(
@@ -104,8 +104,8 @@ def navigate(
     """
     time, force = np.asarray(time, dtype=float), np.ascontiguousarray(force, dtype=float)
     step = interval_lengths(time)
-    if step.max() > COARSEST * aids.height_s:
-        raise ValueError(f"steps up to {step.max():g} s need `height_s` of {step.max() / COARSEST:g} s or more")
+    if step.max() > MAX_STEP_RATIO * aids.height_s:
+        raise ValueError(f"steps up to {step.max():g} s need `height_s` of {step.max() / MAX_STEP_RATIO:g} s or more")
     n = len(time)
     first = site.phase - EARTH_RATE * step[0] / 2  # where the first row begins
     v_ref = np.ascontiguousarray(np.broadcast_to(np.asarray(aids.velocity, dtype=float), (n, 2)))
@@ -161,7 +161,7 @@ def step_derivative(step: float, site: InertialSite, aids: Aids) -> Array:
         after = run_loop(np.array([step]), f[None], r, v, *loops, np.zeros((1, 2)), np.array([site.height]), out)
         return np.concatenate([after, out[0]])
 
-    slope = np.stack([(row(still + e) - row(still - e)) / (2 * e.sum()) for e in np.diag(SMALL)], axis=-1)
+    slope = np.stack([(row(still + e) - row(still - e)) / (2 * e.sum()) for e in np.diag(DERIVATIVE_STEPS)], axis=-1)
     slope[:6] = (frame_rotation("z", turn) @ slope[:6].reshape(2, 3, 9)).reshape(6, 9)
     return np.asarray(slope)
 
@@ -205,7 +205,7 @@ def _north_east(latitude: float, phase: float) -> Array:
     return np.array([[-s * np.cos(phase), -s * np.sin(phase), c], [-np.sin(phase), np.cos(phase), 0.0]])
 
 
-@interpreted_first(SOON)
+@interpreted_first(MIN_COMPILED_ROWS)
 def run_loop(
     step: Array, force: Array, r: Array, v: Array, gravity: Array, damping: float, c1: float, c2: float, v_ref: Array,
     h_ref: Array, out: Array,

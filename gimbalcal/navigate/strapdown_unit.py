@@ -40,7 +40,7 @@ from gimbalcal.navigate.static_run import horizontal_distance
 from gimbalcal.navigate.strapdown import StrapdownStates, aided_strapdown, integrated_attitudes
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
-from gimbalcal.recording.dwell import MISSED
+from gimbalcal.recording.dwell import MISSED_ROW_STEPS
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import exponential, rotation_between, rotation_vector
 
@@ -111,7 +111,7 @@ def has_constant_rate(rate: Array, dt: Array, first: Array) -> Array:
 
 
 def _refuse_lost_turns(run: Recording, dt: Array, usual: float) -> None:
-    for k in np.flatnonzero(dt > MISSED * usual):
+    for k in np.flatnonzero(dt > MISSED_ROW_STEPS * usual):
         rate = run.triad(RATE)[max(k - 1, 0) : k + 1]
         if np.abs(rate[0] - rate[-1]).max() * dt[k] > np.deg2rad(1.0) or np.abs(rate).max() > np.deg2rad(0.5):
             raise InputError(

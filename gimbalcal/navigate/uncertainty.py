@@ -18,7 +18,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.forward import linearise
 from gimbalcal.kinematics import required_latitude, stimulus_from_angles, stimulus_from_readings
 from gimbalcal.navigate.navigation_errors import CHANNELS, NONE, Navigated
-from gimbalcal.navigate.space_stable_navigator import ALONE, USUAL, Aids, InertialSite
+from gimbalcal.navigate.space_stable_navigator import UNDAMPED, USUAL, Aids, InertialSite
 from gimbalcal.navigate.static_run import half_apart, horizontal_distance, platform_navigated, with_inner
 from gimbalcal.navigate.strapdown_unit import Intervals, navigate_intervals, thinned_intervals, unit_navigated
 from gimbalcal.number import Array
@@ -47,7 +47,7 @@ def navigation_errors(
 
 def usual_references(recording: Recording, damping: float | None = None, alignment: float = USUAL.alignment) -> Aids:
     """Return the references of a navigation; by default a platform is damped and a strapdown unit is not."""
-    damped = (ALONE if recording.kind.rotating else USUAL).damping if damping is None else damping
+    damped = (UNDAMPED if recording.kind.rotating else USUAL).damping if damping is None else damping
     return Aids(damping=damped, alignment=alignment)
 
 

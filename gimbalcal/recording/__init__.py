@@ -8,7 +8,7 @@
 The format is described in docs/recording-format.md. `polars` is imported when a file is opened, not before.
 """
 
-from gimbalcal.recording.detection import completed
+from gimbalcal.recording.detection import with_rests_as_positions
 from gimbalcal.recording.dwell import Dwell, block_means, dwell_means, dwells
 from gimbalcal.recording.frames import from_arrays, from_frame
 from gimbalcal.recording.joining import join
@@ -24,7 +24,6 @@ __all__ = [
     "Site",
     "Source",
     "block_means",
-    "completed",
     "dwell_means",
     "dwells",
     "from_arrays",
@@ -32,5 +31,6 @@ __all__ = [
     "join",
     "read",
     "when_recorded",
+    "with_rests_as_positions",
     "write",
 ]

@@ -20,7 +20,7 @@ channels at once. Gyroscopes, where they were logged, have to show no growth fro
 holds them, in the quietest of the long ones; or a triad has a scatter that no motion has, as flicker and random walks
 of a unit on a table grow as motion does. Where dwells are shorter than four seconds the growth is that of the dwells,
 and the window becomes shorter; where it has as few rows as noise allows, it is compared with three or two of its kind.
-A floor of more than `LOUD` of gravity is the vibration of a drive.
+A floor of more than `MAX_NOISE_SHARE` of gravity is the vibration of a drive.
 
 Gyroscopes, where they were logged, also take away from that: what the accelerometers call a rest is none where a
 gyroscope scatters by more than 20 times what it usually does at rest, or turns on and on (about the vertical, which no
@@ -39,25 +39,29 @@ from numpy.typing import NDArray
 
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE, Recording
-from gimbalcal.recording.scatter import pooled
+from gimbalcal.recording.scatter import pooled_scatter
 
 WINDOW = 1.0  # s; the longest: longer than the ringing of a hand, shorter than a rest
 SHORTEST_DWELL = 0.4  # s; that a hand holds
 ROWS = 9  # of the longest window at least
 MIN_ROWS = 5  # of a window: below that the variance of noise itself scatters by the threshold
-LONGER = 4  # windows at most, whose floor is compared
+MAX_LONGER_WINDOWS = 4  # windows at most, whose floor is compared
 OVERLAP = 16  # windows of that length that hold a row: their floor is needed to a few percent
-GROWTH = 1.25  # of the floor from one window to `LONGER` of them, at rest
+GROWTH = 1.25  # of the floor from one window to `MAX_LONGER_WINDOWS` of them, at rest
 QUIET_FORCE = 1e-3  # of the force; no hand and no vehicle holds still to a milli-g, whatever the colour of its noise
 QUIET_RATE = 1e-3  # rad/s
-LOUD = 0.03  # of the force, in a row: no accelerometer is as noisy, while the vibration of a drive or a drone is white
+MAX_NOISE_SHARE = (
+    0.03  # of the force, in a row: no accelerometer is as noisy, while the vibration of a drive or a drone is white
+)
 THRESHOLD = 10.0  # in units of the floor; anything from 10 to 20 finds the same 38 rests in the Xsens set of ICRA 2014
 PAUSE = 60.0  # s; rows on both sides of a longer gap are not one rest (a unit turned in a shorter one shows it)
 FLOORS = ((0.10, -1.2816), (0.03, -1.8808))  # quantile and normal deviate: rests that fill a tenth of the time, or less
 LEAST_AT_REST = min(share for share, _ in FLOORS)  # of the rows, that are found as rests
-UNUSUAL = 3.0  # times the variance that most rests have: a hand that still moves, beside others on a table
-SHAKEN = 20.0  # times the usual scatter of a gyroscope at rest: in the hand half of all rests reach ten
-SUMMED = 2  # windows in one sum: next to a turn, gyroscopes of 1e-4 deg/h are at the end of a double
+UNUSUAL_VARIANCE_RATIO = (
+    3.0  # times the variance that most rests have: a hand that still moves, beside others on a table
+)
+SHAKEN_SCATTER_RATIO = 20.0  # times the usual scatter of a gyroscope at rest: in the hand half of all rests reach ten
+WINDOWS_PER_SUM = 2  # windows in one sum: next to a turn, gyroscopes of 1e-4 deg/h are at the end of a double
 PIECES = 200  # of them at a time: their sums stay in the cache of a processor
 RAW_TURNING = 100.0  # times the usual distance from the level, of counts whose size nobody knows
 TURNING = np.radians(1.0)  # rad/s off the usual level, more than the Earth's rate and any drift of a bias
@@ -68,7 +72,7 @@ _LAST: list[tuple[list[weakref.ref[Array]], NDArray[np.int64]]] = []
 """Columns that were searched last, and their positions: checks and estimator of a long recording ask for the same."""
 
 
-def detect(
+def detect_rests(
     time: Array,
     channels: Mapping[str, Array],
     rates: Mapping[str, Array] | None = None,
@@ -84,7 +88,7 @@ def detect(
     """
     n = len(time)
     step = float(np.median(np.diff(time))) if n > 1 else WINDOW
-    if n < LONGER * max(ROWS, round(WINDOW / step)) or not channels:
+    if n < MAX_LONGER_WINDOWS * max(ROWS, round(WINDOW / step)) or not channels:
         return np.ones(n, dtype=np.int64)
     rates = rates or {}
     triads = [[*t.values()] for t in (channels, rates) if t]
@@ -92,8 +96,8 @@ def detect(
     level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
     quiet_rate = 0.0 if raw else QUIET_RATE
     small = (QUIET_FORCE * level if gravity else quiet_rate, quiet_rate)
-    m, floor, variances, of_rates = _window(triads, n, step, small)
-    loud = gravity and len(channels) == 3 and np.sqrt(floor.sum()) > LOUD * level
+    m, floor, variances, of_rates = longest_window(triads, n, step, small)
+    loud = gravity and len(channels) == 3 and np.sqrt(floor.sum()) > MAX_NOISE_SHARE * level
     if m == 0 or (loud and np.sqrt(floor.sum()) > max(map(_quantum, triads[0]))):  # coarse steps are no vibration
         return position
     restless = np.zeros(n)
@@ -103,7 +107,7 @@ def detect(
     del variances
     still = restless <= _threshold(m)
     if rates and still.any():
-        still &= ~_turned(triads[1], of_rates, still, raw)
+        still &= ~turning_rows(triads[1], of_rates, still, raw)
     del of_rates
     pause = np.diff(time, prepend=time[0])
     paused = pause > max(10 * step, PAUSE)
@@ -114,15 +118,15 @@ def detect(
     starts, stops = _stretches(still, paused)
     mean = np.array([restless[start:stop].mean() for start, stop in zip(starts, stops, strict=True)])
     kept = stops - starts >= m
-    kept &= mean <= UNUSUAL * np.median(mean[kept]) if kept.any() else True
-    same = _unmoved(triads, starts[kept], stops[kept], m, step, raw) if kept.any() else np.zeros(0, dtype=bool)
+    kept &= mean <= UNUSUAL_VARIANCE_RATIO * np.median(mean[kept]) if kept.any() else True
+    same = unmoved_stretches(triads, starts[kept], stops[kept], m, step, raw) if kept.any() else np.zeros(0, dtype=bool)
     number = np.cumsum(~same | paused[starts[kept]])
     for start, stop, k in zip(starts[kept], stops[kept], number, strict=True):
         position[start:stop] = k
     return position
 
 
-def completed(recording: Recording) -> Recording:
+def with_rests_as_positions(recording: Recording) -> Recording:
     """Return the recording with its rests as positions, and the scatter of its rows at rest.
 
     A multi-position recording without positions is searched for rests, as `read` does with a file; what a recording
@@ -132,7 +136,7 @@ def completed(recording: Recording) -> Recording:
         recording = with_rests(recording)
     if recording.scatter or recording.kind.sighting or len(recording.time) == 0:
         return recording
-    sigmas = pooled(recording.time, recording.position, recording.channels, recording.weight)
+    sigmas = pooled_scatter(recording.time, recording.position, recording.channels, recording.weight)
     scatter = {key: sigma for key, sigma in sigmas.items() if sigma > 0}
     return replace(recording, scatter=scatter) if scatter else recording
 
@@ -145,12 +149,12 @@ def with_rests(recording: Recording) -> Recording:
     arrays = (recording.time, *forces.values(), *rates.values())
     before = [each() for each in _LAST[0][0]] if _LAST else []
     if len(before) != len(arrays) or any(a is not b for a, b in zip(arrays, before, strict=True)):
-        position = detect(recording.time, forces or rates, rates, recording.counted(RATE), bool(forces))
+        position = detect_rests(recording.time, forces or rates, rates, recording.counted(RATE), bool(forces))
         _LAST[:] = [([weakref.ref(each) for each in arrays], position)]
     return replace(recording, position=_LAST[0][1].copy())
 
 
-def _window(
+def longest_window(
     triads: Sequence[Sequence[Array]], n: int, step: float, small: Sequence[float]
 ) -> tuple[int, Array, list[Array], Windows]:
     """Return the rows m of the longest window whose floor is noise, or 0, the floors of the first triad, its variances
@@ -159,28 +163,28 @@ def _window(
     small: scatter of each triad that no motion has, whether it grows with the window or not.
     """
     least = [max(_quantum(x) for x in triad) ** 2 / 4 for triad in triads]  # a channel may show one value of it only
-    m, longer = max(ROWS, round(WINDOW / step)) | 1, LONGER  # odd: the window has a middle
+    m, longer = max(ROWS, round(WINDOW / step)) | 1, MAX_LONGER_WINDOWS  # odd: the window has a middle
     while longer > 1 and longer * m * step >= SHORTEST_DWELL:
         if n > (longer + 1) * m:
             quiet, windows, variances = np.ones(len(FLOORS), dtype=bool), Windows(), list[Array]()
             for triad, quantised, limit in zip(triads, least, small, strict=False):
                 windows = []  # before those of the second triad: of the first one the variances alone are needed
-                windows += [_windows(x, m) for x in triad]
+                windows += [window_statistics(x, m) for x in triad]
                 within, long = zip(*(_short_and_long(*each, m, longer) for each in windows), strict=True)
                 alike, variances = bool(variances), variances or [v for _, v in windows]
                 short = within if alike else variances
-                quiet &= _quiet(short, long, m, longer, len(triad) * quantised, limit, alike)
+                quiet &= is_quiet(short, long, m, longer, len(triad) * quantised, limit, alike)
                 if not quiet.any():
                     break
             else:
                 q, z = FLOORS[int(np.argmax(quiet))]
                 floor = np.array([np.quantile(v, q) for v in variances]) / _chi_square(m - 1, z)
                 return m, np.maximum(floor, least[0]), variances, windows
-        m, longer = (min(int(m / 1.2) | 1, m - 2), LONGER) if m > MIN_ROWS else (m, longer - 1)
+        m, longer = (min(int(m / 1.2) | 1, m - 2), MAX_LONGER_WINDOWS) if m > MIN_ROWS else (m, longer - 1)
     return 0, np.zeros(0), [], []
 
 
-def _quiet(
+def is_quiet(
     short: Sequence[Array], long: Sequence[Array], m: int, longer: int, quantised: float, limit: float, alike: bool
 ) -> NDArray[np.bool_]:
     """Return by each of `FLOORS` whether the floor of a triad does not grow from short windows to long ones.
@@ -244,7 +248,7 @@ def _threshold(m: int) -> float:
     return max(THRESHOLD, _chi_square(m - 1, 5.2))
 
 
-def _unmoved(
+def unmoved_stretches(
     triads: Sequence[Sequence[Array]],
     starts: NDArray[np.int64],
     stops: NDArray[np.int64],
@@ -264,18 +268,18 @@ def _unmoved(
         return out
     for k in range(1, len(starts)):
         before, after = slice(stops[k - 1] - m, stops[k - 1]), slice(starts[k], starts[k] + m)
-        y = _rows(force, before)
+        y = some_rows(force, before)
         level, noise = y.mean(axis=0), float(np.linalg.norm(y.std(axis=0)))
-        if np.linalg.norm(_rows(force, after).mean(axis=0) - level) > noise * max(1.0, np.sqrt(2 * THRESHOLD / m)):
+        if np.linalg.norm(some_rows(force, after).mean(axis=0) - level) > noise * max(1.0, np.sqrt(2 * THRESHOLD / m)):
             continue
         way = slice(before.stop - m // 2, after.start + m // 2 + 1)
-        means = np.stack([_windows(x[way], m)[0] for x in force], axis=1)
+        means = np.stack([window_statistics(x[way], m)[0] for x in force], axis=1)
         shaken = np.sqrt(THRESHOLD) * noise
         if np.linalg.norm(means - level, axis=1).max() > shaken:
             continue
         if rate:
-            w, rows = _rows(rate, before), way.stop - way.start
-            turn = np.cumsum(_rows(rate, way) - w.mean(axis=0), axis=0) * step
+            w, rows = some_rows(rate, before), way.stop - way.start
+            turn = np.cumsum(some_rows(rate, way) - w.mean(axis=0), axis=0) * step
             random = THRESHOLD * float(w.var(axis=0).sum()) * step**2 * (rows + rows**2 / m)  # of the sum, and the mean
             if np.linalg.norm(turn, axis=1).max() > np.hypot(shaken / np.linalg.norm(level), np.sqrt(random)):
                 continue
@@ -283,38 +287,39 @@ def _unmoved(
     return out
 
 
-def _rows(channels: Sequence[Array], which: slice) -> Array:
+def some_rows(channels: Sequence[Array], which: slice) -> Array:
     """Return some of the rows (n,) of each channel, (rows, C)."""
     return np.stack([x[which] for x in channels], axis=1)
 
 
-def _turned(rates: Sequence[Array], windows: Windows, rest: NDArray[np.bool_], raw: bool) -> NDArray[np.bool_]:
+def turning_rows(rates: Sequence[Array], windows: Windows, rest: NDArray[np.bool_], raw: bool) -> NDArray[np.bool_]:
     """Return rows (n,) in which a gyroscope is shaken or turns, measured against what it does in the rows of `rest`."""
     turned = np.zeros(len(rest), dtype=bool)
     for x, (mean, variance) in zip(rates, windows, strict=True):
         half = (len(x) - len(mean)) // 2
         scatter = np.pad(np.sqrt(variance), half, mode="edge")
         usual = float(np.median(scatter[rest]))
-        turned |= scatter > SHAKEN * usual
+        turned |= scatter > SHAKEN_SCATTER_RATIO * usual
         level = np.abs(np.pad(mean - np.median(x[rest]), half, mode="edge"))
         slow = RAW_TURNING * float(np.median(level[rest])) if raw else TURNING
-        turned |= level > max(slow, SHAKEN * usual)
+        turned |= level > max(slow, SHAKEN_SCATTER_RATIO * usual)
     return turned
 
 
-def _windows(x: Array, m: int) -> tuple[Array, Array]:
+def window_statistics(x: Array, m: int) -> tuple[Array, Array]:
     """Return the mean and variance (n - m + 1,) of x (n,) in every window of m samples.
 
-    Sums are taken over `SUMMED` windows at a time, about their own mean: over an hour at 100 Hz they would drown 1 ug.
+    Sums are taken over `WINDOWS_PER_SUM` windows at a time,
+    about their own mean: over an hour at 100 Hz they would drown 1 ug.
     """
     count = len(x) - m + 1
-    of = -(-count // (SUMMED * m))  # pieces, each overlapping the next by a window
-    mean, variance = np.empty((of, SUMMED * m)), np.empty((of, SUMMED * m))
+    of = -(-count // (WINDOWS_PER_SUM * m))  # pieces, each overlapping the next by a window
+    mean, variance = np.empty((of, WINDOWS_PER_SUM * m)), np.empty((of, WINDOWS_PER_SUM * m))
     for first in range(0, of, PIECES):
         stop = min(first + PIECES, of)
-        part = x[first * SUMMED * m : stop * SUMMED * m + m - 1]
-        padded = np.pad(part, (0, (stop - first) * SUMMED * m + m - 1 - len(part)), mode="edge")
-        pieces = np.lib.stride_tricks.sliding_window_view(padded, (SUMMED + 1) * m - 1)[:: SUMMED * m]
+        part = x[first * WINDOWS_PER_SUM * m : stop * WINDOWS_PER_SUM * m + m - 1]
+        padded = np.pad(part, (0, (stop - first) * WINDOWS_PER_SUM * m + m - 1 - len(part)), mode="edge")
+        pieces = np.lib.stride_tricks.sliding_window_view(padded, (WINDOWS_PER_SUM + 1) * m - 1)[:: WINDOWS_PER_SUM * m]
         level = pieces.mean(axis=1, keepdims=True)
         y = np.zeros((stop - first, pieces.shape[1] + 1))
         y[:, 1:] = pieces - level

@@ -17,8 +17,8 @@ from gimbalcal.units import to_si
 _NUMPY_SCALAR = re.compile(r"np\.float64\(\s*([-+0-9.eE]+)\s*\)")
 
 
-LONGEST = 20_000_000  # bytes
-LARGEST = 1e100  # nothing that is measured comes near; its square is still a number
+MAX_DOCUMENT_BYTES = 20_000_000  # bytes
+MAX_STATED_NUMBER = 1e100  # nothing that is measured comes near; its square is still a number
 
 
 def _too_long(content: Any, key: str = "") -> Iterator[str]:
@@ -36,7 +36,7 @@ class Document:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            if path.stat().st_size > LONGEST:
+            if path.stat().st_size > MAX_DOCUMENT_BYTES:
                 raise InputError(f"{path} has {path.stat().st_size / 1e6:.0f} MB, which no description has")
             text = path.read_text(encoding="utf-8-sig")
         except UnicodeDecodeError as error:
@@ -131,7 +131,7 @@ class Document:
                 f'{where}: {key} needs a number and its unit, write {key} = {{ value = ..., unit = "..." }}'
             )
         value, unit = entry["value"], entry["unit"]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MAX_STATED_NUMBER:
             raise InputError(f"{where}: the value of {key} must be a finite number, got {shortened_text(repr(value))}")
         return to_si(float(value), self.unit(where, key, unit, quantity))
 

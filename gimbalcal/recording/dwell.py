@@ -14,9 +14,9 @@ from gimbalcal.number import Array
 from gimbalcal.recording.record import ANGLE, ANGLES, FORCE, Recording
 
 MEANS = 1.5  # times the samples of a row on the way: a row of a rest is a longer mean
-PAUSED = 10.0  # usual steps: nobody knows how a unit turned while the clock paused for longer
+PAUSE_STEPS = 10.0  # usual steps: nobody knows how a unit turned while the clock paused for longer
 SAME_ATTITUDE = np.cos(np.radians(5.0))  # dwells that are closer than this are one attitude
-MISSED = 1.5  # times the usual step: a row is missing, and rows on both sides have no common middle
+MISSED_ROW_STEPS = 1.5  # times the usual step: a row is missing, and rows on both sides have no common middle
 
 
 @dataclass(frozen=True)
@@ -76,9 +76,9 @@ class MoveRows:
 
 
 def moves_between_dwells(recording: Recording) -> tuple[MoveRows, ...]:
-    """Return the move from each dwell to the next; the clock pauses in one where it takes `PAUSED` usual steps."""
+    """Return the move from each dwell to the next; the clock pauses in one where it takes `PAUSE_STEPS` usual steps."""
     spans = [slice(a.stop - 1, b.start + 1) for a, b in pairwise(dwells(recording))]
-    longest = PAUSED * usual_step(recording) if spans else 0.0
+    longest = PAUSE_STEPS * usual_step(recording) if spans else 0.0
     return tuple(MoveRows(s, bool(np.any(np.diff(recording.time[s]) > longest))) for s in spans)
 
 
@@ -127,7 +127,7 @@ def block_means(recording: Recording, rows: int) -> Recording:
     No block reaches across a gap: one that a gap cuts has fewer rows.
     """
     n, dt = len(recording.time), np.diff(recording.time)
-    gaps = (np.flatnonzero(dt > MISSED * np.median(dt)) + 1).tolist() if n > 1 else []
+    gaps = (np.flatnonzero(dt > MISSED_ROW_STEPS * np.median(dt)) + 1).tolist() if n > 1 else []
     blocks = [
         Dwell(1, at, min(at + rows, stop)) for start, stop in pairwise([0, *gaps, n]) for at in range(start, stop, rows)
     ]
@@ -160,7 +160,7 @@ def in_blocks(recording: Recording, count: int) -> Recording:
 
 def _means(recording: Recording, stretches: Sequence[Dwell], position: NDArray[np.int64] | None) -> Recording:
     def mean(values: Array, angle: bool = False) -> Array:
-        return np.array([_mean(values[d.rows], recording.weight[d.rows], angle) for d in stretches])
+        return np.array([weighted_mean(values[d.rows], recording.weight[d.rows], angle) for d in stretches])
 
     return replace(
         recording,
@@ -172,7 +172,7 @@ def _means(recording: Recording, stretches: Sequence[Dwell], position: NDArray[n
     )
 
 
-def _mean(values: Array, weight: Array, angle: bool) -> float:
+def weighted_mean(values: Array, weight: Array, angle: bool) -> float:
     first = float(values[0])
     off = values - first
     if angle:

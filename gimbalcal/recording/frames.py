@@ -20,7 +20,7 @@ from gimbalcal.recording.columns import COUNTED, ROW_STEP_S, UNITLESS, Column, c
 from gimbalcal.recording.dates import Dates, NoDateError
 from gimbalcal.recording.document import Document
 from gimbalcal.recording.header import Header, header_of
-from gimbalcal.recording.reading import assemble, dated
+from gimbalcal.recording.reading import assemble_recording, with_dates
 from gimbalcal.recording.record import Recording, Source
 from gimbalcal.units import from_si
 
@@ -49,8 +49,8 @@ def from_frame(
     content: dict[str, Any] = {
         "format": 1, "kind": kind, "title": title, "date": date,
         "platform": {"name": platform} if isinstance(platform, str) else dict(platform),
-        "site": {key: _stated(key, entry) for key, entry in (site or {}).items()},
-        "noise": {key: _stated(key, entry) for key, entry in (noise or {}).items()},
+        "site": {key: stated_unit(key, entry) for key, entry in (site or {}).items()},
+        "noise": {key: stated_unit(key, entry) for key, entry in (noise or {}).items()},
         "columns": {name: _entry(name, entry) for name, entry in columns.items()},
         **({"samples": {"rates": "instant"}} if instant else {}),
     }  # fmt: skip
@@ -73,9 +73,9 @@ def described_columns(frame: Any, columns: Mapping[str, Entry]) -> dict[str, Col
 
 
 def _refuse_missing(frame: Any, columns: Mapping[str, Entry]) -> None:
-    missing = [name for name in columns if name not in _names(frame)]
+    missing = [name for name in columns if name not in column_names(frame)]
     if missing:
-        raise InputError(f"the frame has no column {missing[0]!r}; it has {', '.join(map(str, _names(frame)))}")
+        raise InputError(f"the frame has no column {missing[0]!r}; it has {', '.join(map(str, column_names(frame)))}")
 
 
 def from_arrays(
@@ -141,7 +141,7 @@ def _entry(name: str, entry: Entry) -> dict[str, Any]:
     return _table(match["quantity"], match["axis"] or "", units)
 
 
-def _stated(key: str, entry: Any) -> dict[str, Any]:
+def stated_unit(key: str, entry: Any) -> dict[str, Any]:
     try:
         value, unit = entry
     except (TypeError, ValueError):
@@ -149,7 +149,7 @@ def _stated(key: str, entry: Any) -> dict[str, Any]:
     return {"value": value.item() if isinstance(value, np.number) else value, "unit": unit}
 
 
-def _names(frame: Any) -> Sequence[Any]:
+def column_names(frame: Any) -> Sequence[Any]:
     return list(frame.keys() if isinstance(frame, Mapping) else frame.columns)
 
 
@@ -181,8 +181,8 @@ def recording_of(
         columns[clock.name] = from_si(
             np.arange(float(rows)) / rate if rate else ROW_STEP_S * np.arange(float(rows)), clock.unit
         )
-    recording = assemble(header, [columns] if rows else [], columns.__getitem__, average_s, sources)
-    return dated(replace(recording, remarks=(*recording.remarks, *remarks)), header, dates)
+    recording = assemble_recording(header, [columns] if rows else [], columns.__getitem__, average_s, sources)
+    return with_dates(replace(recording, remarks=(*recording.remarks, *remarks)), header, dates)
 
 
 def _refuse_samples(header: Header, columns: Mapping[str, Array]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from gimbalcal.checks.dropouts import Dropouts
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import RATE_OF, Column
-from gimbalcal.recording.dwell import MISSED
+from gimbalcal.recording.dwell import MISSED_ROW_STEPS
 from gimbalcal.recording.header import Header
 from gimbalcal.recording.samples import Batch
 from gimbalcal.units import to_si
@@ -53,7 +53,7 @@ class Increments:
         self.last = float(time[-1])
         # a regular clock stays one, so that equal increments stay equal: a frozen channel, the steps of a converter
         rounding = 8 * np.finfo(float).eps * np.abs(time)
-        own = (dt > 0) & (dt < MISSED * self.usual) & (np.abs(dt - self.usual) > rounding)
+        own = (dt > 0) & (dt < MISSED_ROW_STEPS * self.usual) & (np.abs(dt - self.usual) > rounding)
         return np.where(own, dt, self.usual)
 
     @property

@@ -19,16 +19,16 @@ def has_names(path: Path, names: Sequence[str]) -> bool:
     It always does, but where it begins with numbers and the columns are numbered, or named by the last comment above.
     A first line 0, 1, 2, ... or 1, 2, 3, ... is names, made up.
     """
-    return path.suffix == ".parquet" or heading(path, names)[0]
+    return path.suffix == ".parquet" or column_heading(path, names)[0]
 
 
-def heading(path: Path, names: Sequence[str]) -> tuple[bool, list[str]]:
+def column_heading(path: Path, names: Sequence[str]) -> tuple[bool, list[str]]:
     """Return whether the first line without ``#`` names the columns of a CSV, and what they are called."""
     first = [cell.strip() for cell in next((cells for _, cells in lines(path)), [])]
     counted = [str(i) for i in range(1, len(first) + 1)]
     made_up = len(first) > 1 and first in (counted, [str(i) for i in range(len(first))])
     numbers = bool(first) and not made_up and all(is_number(cell) or is_date(cell) for cell in first)
-    if numbered(names):
+    if are_numbered(names):
         return not numbers, first if not numbers and set(names) <= set(first) else counted
     above = [] if set(names) <= set(first) else names_above(path, len(first))
     return (False, above) if names and set(names) <= set(above) else (True, first)
@@ -52,7 +52,7 @@ def comment_words(line: str) -> Iterator[list[str]]:
         yield [word for word in re.split(pattern, text) if word]
 
 
-def numbered(names: Sequence[str]) -> bool:
+def are_numbered(names: Sequence[str]) -> bool:
     """Return whether columns are called by number, counted from 1, not by name."""
     return bool(names) and all(re.fullmatch(r"[1-9]\d{0,3}", name) for name in names)
 
@@ -87,7 +87,7 @@ def cells_of(line: str, mark: str = ",", skipinitialspace: bool = False) -> list
         return line.split(mark)
 
 
-def place(path: Path, start: int, stop: int | None = None, skip: int = 0, named: bool = True) -> str:
+def rows_in_words(path: Path, start: int, stop: int | None = None, skip: int = 0, named: bool = True) -> str:
     """Return rows `start` up to `stop` (from 0) in words: the lines of a CSV, the rows of others counted from 1.
 
     `skip` lines stand before the line of column names, which is not there unless `named`.

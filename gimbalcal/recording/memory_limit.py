@@ -8,14 +8,14 @@ from pathlib import Path
 
 from gimbalcal.errors import InputError
 
-HALF = 0.5  # of the memory of this machine for one file
+MAX_MEMORY_SHARE = 0.5  # of the memory of this machine for one file
 START = 1 << 20  # bytes of a text that show how long its lines are
 PACKED, LARGE = 50, 500_000_000  # times its file, and bytes: readings of sensors are noise and do not pack so well
 
 
 def memory_limit() -> int:
     """Return the bytes that one file may take."""
-    return int(HALF * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    return int(MAX_MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
 
 
 def refuse_bomb(path: Path, needed: int, streamed: bool = False) -> None:

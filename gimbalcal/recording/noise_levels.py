@@ -16,7 +16,9 @@ from gimbalcal.recording.record import COLOURED, SENSORS, Key, Recording
 from gimbalcal.units import to_si
 
 TAU = HOUR
-COARSE = 3.0  # octaves between the time constants of a flicker: its spectrum is right within 7 %, with few states
+FLICKER_OCTAVES = (
+    3.0  # octaves between the time constants of a flicker: its spectrum is right within 7 %, with few states
+)
 
 SETTING_SIGMA_RAD = float(to_si(1.0, "arcsec"))  # repeatability of a good gimbal, where nobody states it
 
@@ -47,7 +49,7 @@ def header_coloured_noise(recording: Recording, shortest: float, longest: float)
         if key.endswith("_random_walk"):
             process = RandomWalk(size)
         elif key.endswith("_flicker"):
-            process = Flicker(size, shortest, max(longest, shortest), octaves=COARSE)
+            process = Flicker(size, shortest, max(longest, shortest), octaves=FLICKER_OCTAVES)
         else:
             process = GaussMarkov(size, recording.noise.get(f"{key}_tau", TAU))
         out.setdefault(COLOURED[key][0], []).append(process)

@@ -20,7 +20,7 @@ from gimbalcal.errors import InputError, number_of
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import SPARSE, UNITLESS, Column
 from gimbalcal.recording.dates import Dates
-from gimbalcal.recording.detection import LOUD, detect
+from gimbalcal.recording.detection import MAX_NOISE_SHARE, detect_rests
 from gimbalcal.recording.header import Header, read_header
 from gimbalcal.recording.increments import Increments
 from gimbalcal.recording.memory_limit import rows_in
@@ -49,9 +49,11 @@ def read(folder: str | Path, average_s: float | None = None, most: int | None = 
     clock = header.column("time")
     stream = batches(header.samples, [c.name for c in header.columns], clock, dates)
     rests = 1 if average_s or not most else rows_of_a_mean(header, most)
-    recording = assemble(header, stream, lambda name: column(header.samples, name, clock), average_s, rests=rests)
+    recording = assemble_recording(
+        header, stream, lambda name: column(header.samples, name, clock), average_s, rests=rests
+    )
     remarks = (RESTS.format(path=header.samples, rows=rests),) if rests > 1 else ()
-    return dated(replace(recording, remarks=(*recording.remarks, *remarks)), header, dates)
+    return with_dates(replace(recording, remarks=(*recording.remarks, *remarks)), header, dates)
 
 
 SHARE_KEPT = 0.01  # of the most rows that are kept as they are: a diagnosis holds a hundred numbers for each
@@ -69,7 +71,7 @@ def rows_of_a_mean(header: Header, most: int) -> int:
     return 1 if rows <= most else ceil(rows / (SHARE_KEPT * most))
 
 
-def dated(recording: Recording, header: Header, dates: Dates) -> Recording:
+def with_dates(recording: Recording, header: Header, dates: Dates) -> Recording:
     """Return the recording with its day and a remark on the zero of its seconds, where the clock held dates."""
     clock = header.column("time")
     if clock is None or dates.zoned is None:
@@ -82,7 +84,7 @@ def dated(recording: Recording, header: Header, dates: Dates) -> Recording:
     return replace(recording, remarks=(*recording.remarks, remark), date=day, epoch=epoch, other_sensors=other_sensors)
 
 
-def assemble(
+def assemble_recording(
     header: Header,
     stream: Iterable[Batch],
     whole: Callable[[str], Array],
@@ -161,17 +163,17 @@ def _rows(
     header, whole = increments.header, increments.whole(whole)
     checks = StreamChecks(header, whole, dropouts)
     if not header.kind.in_positions or header.column("position"):
-        table, scatter = _gather(stream, header.columns, checks, average_s, rests)
+        table, scatter = gather_rows(stream, header.columns, checks, average_s, rests)
         regular_clock = () if average_s or rests > 1 else _on_a_regular_clock(increments, table, checks)
         return header.columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), *regular_clock)
     columns = (*header.columns, _DETECTED)
-    table, _ = _gather(stream, header.columns, checks, None)
+    table, _ = gather_rows(stream, header.columns, checks, None)
     forces = [c for c in checks.sensors if c.quantity == "specific_force"]
     sensors = {c.name: table[c.name] for c in forces or checks.sensors}
     gyros = [c for c in checks.sensors if c.quantity == "angular_rate" and forces]
     rates = {c.name: to_si(table[c.name], c.unit) for c in gyros}
     raw = any(is_raw(c.unit) for c in gyros)
-    position = detect(to_si(table[checks.clock.name], checks.clock.unit), sensors, rates, raw, bool(forces))
+    position = detect_rests(to_si(table[checks.clock.name], checks.clock.unit), sensors, rates, raw, bool(forces))
     table[_DETECTED.name] = position.astype(float)
     count, dwells = int(position.max(initial=0)), int(np.count_nonzero(np.diff(position, prepend=0) * position))
     at = f" at {number_of(count, 'position')}" if count < dwells else ""
@@ -180,11 +182,11 @@ def _rows(
         "sensors are quiet, numbered in order of time"
         if position.any()
         else f"{header.samples}: the unit is never at rest: its quietest stretches scatter more the longer they "
-        f"are, as a motion does, or by more than {100 * LOUD:g} % of the force in a row, as vibration does"
+        f"are, as a motion does, or by more than {100 * MAX_NOISE_SHARE:g} % of the force in a row, as vibration does"
     )
     numbered = StreamChecks(replace(header, columns=columns), whole, dropouts)
     numbered.sensors, numbered.angles = [], []  # they have passed
-    table, scatter = _gather([table], columns, numbered, average_s)
+    table, scatter = gather_rows([table], columns, numbered, average_s)
     regular_clock = () if average_s else _on_a_regular_clock(increments, table, checks)
     return columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), remark, *regular_clock)
 
@@ -222,7 +224,7 @@ def _on_a_regular_clock(increments: Increments, table: dict[str, Array], checks:
     return (f"{what}, and that clock is used; regular = false in [columns] keeps the stamps",)
 
 
-def _gather(
+def gather_rows(
     stream: Iterable[Batch], columns: tuple[Column, ...], checks: StreamChecks, average_s: float | None, rests: int = 1
 ) -> tuple[dict[str, Array], dict[str, float]]:
     """Check every row and keep it, whole or in means; return the columns and the scatter."""

@@ -71,7 +71,7 @@ class Site:
     gravity_sigma: float = 0.0
 
 
-ANYWHERE = Site(gravity_sigma=0.015)
+UNKNOWN_SITE = Site(gravity_sigma=0.015)
 """An unknown site: gravity is anywhere from 9.780 to 9.832 m/s^2, NIMA TR8350.2, Table 3.4."""
 
 

@@ -19,7 +19,7 @@ from gimbalcal.errors import InputError, number_of, shortened_text
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
-from gimbalcal.recording.lines import EMPTY, has_names, heading, lines, place
+from gimbalcal.recording.lines import EMPTY, column_heading, has_names, lines, rows_in_words
 from gimbalcal.recording.memory_limit import refuse_bomb
 from gimbalcal.units import from_si
 
@@ -50,17 +50,17 @@ def batches(
     try:
         check_bytes(path)
         named, lazy = has_names(path, names), _scan(path, names)
-        with quiet():
+        with redirect_messages():
             present = lazy.collect_schema()
         check_names(path, names, present)
-        dated = clock is not None and clock.name in names and _dated(path, clock, present[clock.name], named)
+        dated = clock is not None and clock.name in names and holds_dates(path, clock, present[clock.name], named)
         plain = [name for name in names if not (dated and clock and name == clock.name)]
         check_types(path, plain, present)
         columns = [_numbers(name, present[name], path) if name in plain else pl.col(name) for name in names]
         for frame, following in pairwise(chain(_frames(lazy.select(columns), path), [None])):
             if frame is None:
                 break
-            batch = _arrays(frame, end or not _blank(following))
+            batch = _arrays(frame, end or not is_blank(following))
             if dated and clock:
                 seconds = dates.seconds(frame[clock.name][: len(batch[names[0]])])
                 batch = {**batch, clock.name: from_si(seconds, clock.unit)}
@@ -68,7 +68,7 @@ def batches(
             if len(batch[names[0]]):
                 yield batch
     except NoDateError as problem:
-        where = place(path, rows + problem.row, named=named)
+        where = rows_in_words(path, rows + problem.row, named=named)
         raise InputError(f"{where}, column {clock.name if clock else ''}: {problem}; correct it") from None
     except pl.exceptions.NoDataError:
         raise InputError(f"{path} is empty; it must hold a line of column names and the rows") from None
@@ -87,14 +87,14 @@ def _frames(lazy: pl.LazyFrame, path: Path) -> Iterator[pl.DataFrame]:
     rows, frames = 0, lazy.collect_batches(chunk_size=ROWS, maintain_order=True)
     with tempfile.TemporaryFile() as messages:
         while True:
-            with quiet(messages):
+            with redirect_messages(messages):
                 if (frame := next(frames, None)) is None:
                     break
             rows += frame.height
             yield frame
         if path.suffix != ".parquet":
             return
-        with quiet(messages):
+        with redirect_messages(messages):
             stated = pl.scan_parquet(path.absolute(), glob=False).select(pl.len()).collect().item()
             size = -1
             while rows != stated and size != (size := os.fstat(messages.fileno()).st_size):
@@ -107,7 +107,7 @@ def _frames(lazy: pl.LazyFrame, path: Path) -> Iterator[pl.DataFrame]:
 
 
 @contextmanager
-def quiet(messages: IO[bytes] | None = None) -> Iterator[None]:
+def redirect_messages(messages: IO[bytes] | None = None) -> Iterator[None]:
     """Redirect what compiled code writes to stderr to a file of messages, an unnamed one where none is given."""
     sys.stderr.flush()
     kept = os.dup(2)
@@ -139,7 +139,7 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
 
     if path.suffix == ".parquet":
         lazy = pl.scan_parquet(path.absolute(), glob=False)
-        with quiet():
+        with redirect_messages():
             rows = lazy.select(pl.len()).collect().item()
         refuse_bomb(path, 8 * rows * len(names), streamed=True)
         return lazy
@@ -147,7 +147,7 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
         raise pl.exceptions.NoDataError
     # Every dtype is given: a guess from the first rows fails at the first 0.5 below a column of integers.
     head = [cells for _, (_, cells) in zip(range(3), lines(path), strict=False)]
-    named, present = heading(path, names)
+    named, present = column_heading(path, names)
     text = any(cell != cell.strip() or is_date(cell) for cells in head[named:] for cell in cells)
     there = (
         pl.scan_csv(path.absolute(), comment_prefix="#", infer_schema=False, has_header=named, glob=False)
@@ -176,7 +176,7 @@ def _numbers(name: str, dtype: pl.DataType, path: Path) -> pl.Expr:
     return each.cast(pl.Float64).alias(name)
 
 
-def _dated(path: Path, clock: Column, dtype: pl.DataType, named: bool) -> bool:
+def holds_dates(path: Path, clock: Column, dtype: pl.DataType, named: bool) -> bool:
     """Return whether the clock holds dates; `InputError` where it holds numbers and the header says dates."""
     import polars as pl
 
@@ -185,19 +185,20 @@ def _dated(path: Path, clock: Column, dtype: pl.DataType, named: bool) -> bool:
         head = pl.scan_parquet(path.absolute(), glob=False).select(clock.name).head(1).collect()
         first = str(head.item()) if head.height else ""
     elif path.suffix != ".parquet":
-        present = heading(path, [clock.name])[1]
+        present = column_heading(path, [clock.name])[1]
         at = present.index(clock.name) if clock.name in present else 0
         first = next((c[at] for i, (_, c) in enumerate(lines(path)) if i >= named and len(c) > at), "")
     dated = dtype.is_temporal() or is_date(first)
     if clock.dated and first and not dated:
         raise InputError(
-            f"{place(path, 0, named=named)}, column {clock.name}: {shortened_text(first)!r} is not a date and time of "
+            f"{rows_in_words(path, 0, named=named)}, column {clock.name}: {shortened_text(first)!r} is not a date and "
+            "time of "
             'ISO 8601, as [columns] says; correct it, or write the unit of the numbers, as in unit = "s"'
         )
     return dated
 
 
-def _blank(frame: pl.DataFrame | None) -> bool:
+def is_blank(frame: pl.DataFrame | None) -> bool:
     """Return whether nothing is in a frame, or none follows."""
     return frame is None or all(frame[name].null_count() == frame.height for name in frame.columns)
 

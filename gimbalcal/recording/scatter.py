@@ -34,7 +34,7 @@ class Scatter:
         return np.sqrt(self.squares / self.count).tolist() if self.count else []
 
 
-def pooled(
+def pooled_scatter(
     time: Array, position: Array | None, channels: Mapping[Key, Array], weight: Array | None = None
 ) -> dict[Key, float]:
     """Return the scatter of rows that are in memory, one sigma of a raw sample by channel, from the rows at rest.

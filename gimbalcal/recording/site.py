@@ -15,7 +15,7 @@ from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.errors import InputError
 from gimbalcal.recording.document import Document
 from gimbalcal.recording.kinds import Kind
-from gimbalcal.recording.record import ANYWHERE, Site
+from gimbalcal.recording.record import UNKNOWN_SITE, Site
 
 POLE = pi / 2 * (1 + 1e-12)
 RANGES = {  # SI, lowest and highest value, and what is wrong beyond
@@ -90,7 +90,7 @@ def _odd_gravity(document: Document, site: Site) -> tuple[str, ...]:
 def with_normal_gravity(latitude: float | None, height: float | None) -> Site:
     """Return the site [rad, m] with the gravity of the ellipsoid; of an unknown latitude that of anywhere."""
     if latitude is None:
-        return Site(None, height or 0.0, ANYWHERE.gravity, ANYWHERE.gravity_sigma)
+        return Site(None, height or 0.0, UNKNOWN_SITE.gravity, UNKNOWN_SITE.gravity_sigma)
     sigma = ANOMALY if height is not None else (ANOMALY**2 + UNKNOWN_HEIGHT**2) ** 0.5
     return Site(latitude, height or 0.0, float(normal_gravity(latitude, height or 0.0)), sigma)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose.answer import Curves, Diagnosis
-from gimbalcal.diagnose.evidence.odds import OUTSIDE
+from gimbalcal.diagnose.evidence.odds import UNKNOWN_LAW_SHARE
 from gimbalcal.diagnose.result import (
     Finding,
     LawResult,
@@ -201,7 +201,7 @@ def _provenance(given: Context) -> list[tuple[str, str]]:
 
 def _probability(p: float) -> str:
     return f"{100 * p:.3g} % probable" + (
-        ", the highest value that is stated for any cause" if p >= 1 - OUTSIDE else ""
+        ", the highest value that is stated for any cause" if p >= 1 - UNKNOWN_LAW_SHARE else ""
     )
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 OUTLIER = 3.5  # sigmas; of 54 readings, one in forty sets has one this far out by chance
 MAX_BARS = 60  # points that are drawn with a bar each
-OUTSIDE = 3.0  # times the residual, or the median sigma: a longer bar is cut
+MAX_BAR_RATIO = 3.0  # times the residual, or the median sigma: a longer bar is cut
 MIN_DRAWN = 0.1  # smaller correlations are left blank
 MIN_WRITTEN = 0.3  # correlation from which on its value is written
 MAX_CELL = 22.0  # px of a correlation matrix
@@ -127,7 +127,9 @@ def _in_view(p: Panel) -> Array | None:
     if p.sigma is None:
         return None
     residual = np.abs(np.concatenate([p.before, p.after]))
-    return np.minimum(p.sigma, max(OUTSIDE * float(residual.max(initial=0.0)), OUTSIDE * float(np.median(p.sigma))))
+    return np.minimum(
+        p.sigma, max(MAX_BAR_RATIO * float(residual.max(initial=0.0)), MAX_BAR_RATIO * float(np.median(p.sigma)))
+    )
 
 
 def formula_over_variable(c: LawCurve, title: str, unit: str) -> Chart:

@@ -47,7 +47,7 @@ def write_calibrations(
 
 def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, question: str = "") -> None:
     """Write the diagnosis of each sensor, with its title, into its folder in `out` ("" or a name), all or none."""
-    from gimbalcal.diagnose.laws.law_file import is_found, source
+    from gimbalcal.diagnose.laws.law_file import is_found, source_text
     from gimbalcal.report.diagnosis_page import diagnosis_report
 
     laws = [str(Path(own) / "law.py") for _, _, own in each]
@@ -58,7 +58,7 @@ def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, quest
             if diagnosis.calibration is not None:
                 diagnosis.calibration.write(new / own / "calibration.json")
             if diagnosis.laws:
-                write(new / own / "law.py", source(diagnosis.laws))
+                write(new / own / "law.py", source_text(diagnosis.laws))
             write(new / own / "report.html", with_question(page, question))
 
 

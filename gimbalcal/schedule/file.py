@@ -14,7 +14,7 @@ import numpy as np
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.errors import InputError, list_of_alternatives, number_of, shortened_text
 from gimbalcal.platform import KNOWN, Platform
-from gimbalcal.recording.document import LARGEST, Document
+from gimbalcal.recording.document import MAX_STATED_NUMBER, Document
 from gimbalcal.recording.header import platform_of
 from gimbalcal.recording.writing import platform_toml, toml_text
 from gimbalcal.schedule.commands import DIRECTIONS, TABLE, Hold, Move, RotationSchedule, Schedule
@@ -197,7 +197,7 @@ def _hold(document: Document, platform: Platform, number: int, hold: Any, durati
             f"{platform.name!r} does not have; its axes are {', '.join(names)}"
         )
     values = [hold.get(name, 0.0) for name in names]
-    bad = [v for v in values if isinstance(v, bool) or not isinstance(v, int | float) or not abs(v) < LARGEST]
+    bad = [v for v in values if isinstance(v, bool) or not isinstance(v, int | float) or not abs(v) < MAX_STATED_NUMBER]
     if bad:
         raise InputError(
             f"{document.where('schedule.holds')}: hold {number} has the angle {shortened_text(repr(bad[0]))}; give "

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from gimbalcal.entries import expected_in_words
 from gimbalcal.errors import InputError
 from gimbalcal.quantities import refuse_unit
-from gimbalcal.recording.document import LARGEST, Document
+from gimbalcal.recording.document import MAX_STATED_NUMBER, Document
 from gimbalcal.recording.kinds import KINDS, Kind
 from gimbalcal.schedule import ROTATIONS, SCHEDULES
 from gimbalcal.units import parse, to_si
@@ -24,7 +24,7 @@ def measured_value(quantity: str, like: str = "") -> BeforeValidator:
         if not isinstance(given, dict) or set(given) != {"value", "unit"}:
             raise ValueError('give it as { value = ..., unit = "..." }')
         value, unit = given["value"], given["unit"]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MAX_STATED_NUMBER:
             raise ValueError(f"`value` must be a finite number, got {value!r}")
         if quantity:
             refuse_unit(str(unit), quantity)

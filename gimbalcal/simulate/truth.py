@@ -12,7 +12,7 @@ from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import constants, lacking_quantity
 from gimbalcal.effects.grids import range_beyond
 from gimbalcal.errors import InputError
-from gimbalcal.recording.document import LARGEST
+from gimbalcal.recording.document import MAX_STATED_NUMBER
 from gimbalcal.recording.record import Key
 from gimbalcal.simulate.scenario import Scenario
 from gimbalcal.units import from_si, to_si
@@ -127,6 +127,6 @@ def single_value(
 
 
 def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MAX_STATED_NUMBER:
         raise InputError(f"{where}: must be a finite number, got {value!r:.40}")
     return float(value)

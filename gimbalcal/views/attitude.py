@@ -43,7 +43,7 @@ from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
-from gimbalcal.recording.dwell import PAUSED
+from gimbalcal.recording.dwell import PAUSE_STEPS
 from gimbalcal.recording.record import RATE
 from gimbalcal.rotation import (
     cross_matrix,
@@ -216,7 +216,7 @@ def intervals(time: Array, known: Reference, lag: float) -> tuple[NDArray[np.int
     start = [
         k
         for k in range(0, len(time) - n, n)
-        if dt[k : k + n].max() <= PAUSED * step and known.covers(time[k] + lag, time[k + n] + lag)
+        if dt[k : k + n].max() <= PAUSE_STEPS * step and known.covers(time[k] + lag, time[k + n] + lag)
     ]
     return np.array(start, dtype=np.int64), n
 

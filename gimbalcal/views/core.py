@@ -33,7 +33,7 @@ from gimbalcal.recording.record import FORCE, RATE, Key, since_power_up
 from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
-FLAT = 1e6  # sigmas of all rows together that one sigma of a flat prior stands for
+FLAT_PRIOR_SIGMAS = 1e6  # sigmas of all rows together that one sigma of a flat prior stands for
 COURSE = 80  # half periods of the course of a sensor in time: what a walk holds beyond them is a 400th of it
 EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
 
@@ -216,7 +216,8 @@ class View:
         N = np.asarray(self.evaluate(()).nuisance).reshape(len(sigma), -1) / sigma
         flat = np.isinf(prior := np.array([p.sigma for p in self.nuisances])) | unknown
         U, S, _ = np.linalg.svd(
-            N * np.where(flat, FLAT / np.maximum(np.linalg.norm(N, axis=0), 1e-300), prior), full_matrices=False
+            N * np.where(flat, FLAT_PRIOR_SIGMAS / np.maximum(np.linalg.norm(N, axis=0), 1e-300), prior),
+            full_matrices=False,
         )
         less = 1 - 1 / np.sqrt(1 + S**2)
 

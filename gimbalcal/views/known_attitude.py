@@ -35,7 +35,7 @@ STATIC_RUN = Measurement("static run", "", acts_on=(FORCE,), known_attitude=True
 FOLDS = 12  # stretches of a static run that are held out in turn
 BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
 NOISELESS = 1e-11  # of gravity: what a simulation without noise leaves
-STUCK = 1e-15  # one sigma of a channel that always reads the same, SI
+STUCK_SIGMA = 1e-15  # one sigma of a channel that always reads the same, SI
 MOST_ROWS = 4000  # of a static run: 48 h come as minute means, and half a gigabyte of columns is enough
 
 
@@ -208,7 +208,7 @@ def row_sigma(read: Readings, known: Sequence[Effect] = ()) -> Array:
             f"the accelerometers of {read.recording.title!r} {lack}, and without a noise nothing can be weighed: write "
             "it into [noise] of recording.toml"
         )
-    return np.maximum(one, STUCK) / np.sqrt(np.median(read.recording.weight))
+    return np.maximum(one, STUCK_SIGMA) / np.sqrt(np.median(read.recording.weight))
 
 
 def read_gimbals(view: View) -> list[int]:

@@ -29,7 +29,7 @@ from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
-from gimbalcal.recording.dwell import PAUSED, usual_step
+from gimbalcal.recording.dwell import PAUSE_STEPS, usual_step
 from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import FOLLOWED, FORCE, RATE, Key
 from gimbalcal.rotation import normal_to, rotation_vector
@@ -82,7 +82,7 @@ def stretches_of(r: Recording) -> Stretches:
     C = r.platform.attitude(r.angles())
     y = r.triad(RATE)
     dt = np.diff(r.time)
-    whole = np.array([dt[s : s + n].max() <= PAUSED * step for s in starts])
+    whole = np.array([dt[s : s + n].max() <= PAUSE_STEPS * step for s in starts])
     turn = rotation_vector(C[:-1] @ np.swapaxes(C[1:], -1, -2))
     span = r.time[starts + n] - r.time[starts]
     rate = np.array([turn[s : s + n].sum(0) for s in starts]) / span[:, None]

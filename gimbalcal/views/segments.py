@@ -21,7 +21,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Dwell, Recording, dwells
 from gimbalcal.recording.detection import with_rests
-from gimbalcal.recording.dwell import MISSED
+from gimbalcal.recording.dwell import MISSED_ROW_STEPS
 from gimbalcal.recording.record import FORCE, RATE, SENSOR_OF
 from gimbalcal.rotation import mean_rates
 
@@ -109,7 +109,7 @@ def segment(recording: Recording) -> Segments:
         recording = _as_means(recording)
     step = recording.step
     dt = np.diff(recording.time, prepend=recording.time[0] - step)
-    paused = dt > MISSED * step
+    paused = dt > MISSED_ROW_STEPS * step
     stop_dwells = stop_rows(recording)
     if len(stop_dwells) < 2:
         raise InputError(
@@ -218,7 +218,7 @@ def stop_rows(recording: Recording) -> list[Dwell]:
     A pause of the clock does not end a stop in which the unit was not moved.
     """
     step = recording.step
-    paused = np.diff(recording.time, prepend=recording.time[0] - step) > MISSED * step
+    paused = np.diff(recording.time, prepend=recording.time[0] - step) > MISSED_ROW_STEPS * step
     force = recording.triad(FORCE)
     out: list[Dwell] = []
     for d in dwells(with_rests(recording)):

@@ -19,10 +19,10 @@ from gimbalcal.recording.dwell import moves_between_dwells, rests_are_means
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.rotation import exponential, mean_rates
 
-FEWEST = 6  # slews: their scatter tells how well a delay is known
+MIN_SLEWS = 6  # slews: their scatter tells how well a delay is known
 ROWS = 6  # on the way: fewer do not tell how a slew goes
-BESIDE = 0.5  # of the slew's rows, from the rest at each end: a delay shows there too
-SMOOTH = 9  # rows of readouts that a parabola smooths at most, and an eighth of the slew
+REST_SHARE = 0.5  # of the slew's rows, from the rest at each end: a delay shows there too
+MAX_SMOOTHED_ROWS = 9  # rows of readouts that a parabola smooths at most, and an eighth of the slew
 
 Slew = tuple[NDArray[np.int64], int]
 """Rows of a slew with some of the rests beside it, and the ordinal of the rest after."""
@@ -59,10 +59,10 @@ def slews(recording: Recording) -> list[Slew] | str:
         n = b.start - a.stop
         if n < ROWS or move.paused:
             continue
-        aside = max(2, round(BESIDE * n))
+        aside = max(2, round(REST_SHARE * n))
         first, last = max(a.start, a.stop - aside), min(b.stop, b.start + aside)
         out.append((np.arange(first, last), k))
-    return out if len(out) >= FEWEST else f"fewer than {FEWEST} slews have {ROWS} rows or more"
+    return out if len(out) >= MIN_SLEWS else f"fewer than {MIN_SLEWS} slews have {ROWS} rows or more"
 
 
 def on_gimbals(recording: Recording, moves: Sequence[Slew]) -> SlewMotion:
@@ -86,7 +86,7 @@ def smoothed_angles(angle: Array) -> Array:
     """Readouts (n, k) of one slew through parabolas: even about each row, so that nothing comes early or late."""
     from scipy.signal import savgol_filter
 
-    size = min(SMOOTH, len(angle) // 8) | 1
+    size = min(MAX_SMOOTHED_ROWS, len(angle) // 8) | 1
     return angle if size < 5 else np.asarray(savgol_filter(angle, size, 2, axis=0, mode="nearest"))
 
 

@@ -40,16 +40,16 @@ from gimbalcal.recording.kinds import ROTATION
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import Measurement, View, recording_fields
 from gimbalcal.views.noise import NoiseModel
-from gimbalcal.views.slew_motion import FEWEST, SlewMotion, by_hand, on_gimbals, slews
+from gimbalcal.views.slew_motion import MIN_SLEWS, SlewMotion, by_hand, on_gimbals, slews
 
 LATENCIES = ("time_tag_latency", "gyro_latency", "readout_latency")
-KEPT = 1e-3  # of the power of T that Q must leave
-FAINT = 1e-3  # of the size of p of the best slew
-CLEAR = 3.0  # sigmas of a delay that is worth a shift
-MOVED = 0.05  # of gravity, by which a slew moves it
+MIN_POWER_LEFT = 1e-3  # of the power of T that Q must leave
+MIN_RELATIVE_SIZE = 1e-3  # of the size of p of the best slew
+MIN_DELAY_SIGMAS = 3.0  # sigmas of a delay that is worth a shift
+MIN_GRAVITY_SHARE = 0.05  # of gravity, by which a slew moves it
 HAND = 5e-3  # s, that all turns by one hand may have in common: 9 ms in MPU-9150, 1.5 and 3 ms in a BMI160, a phone
 SAMPLED = 2e-3  # of a step, the same for gimbals: 8e-4 in revolutions at 10 Hz
-BENT = 5e-3  # of a delay: 3e-3 of 200 ms where slews of 60 deg/s take up their speed in 75 ms
+MAX_BENDING_SHARE = 5e-3  # of a delay: 3e-3 of 200 ms where slews of 60 deg/s take up their speed in 75 ms
 ROUNDS = 3  # of shifts: each leaves what is left times the delay over the slew
 SLEWS = Measurement(
     "slews", "ms", "slews", channels="the delay of the sensors in slews",
@@ -82,21 +82,21 @@ def view_of_slews(
     if not late or (not gimballed and RATE not in read):
         return "the sensors count, and a delay shows in SI"
     motion = on_gimbals(recording, moves) if gimballed else by_hand(recording, moves)
-    if FORCE in late and slews_with_moving_force(motion) < FEWEST:  # as on a table that turns about the vertical
+    if FORCE in late and slews_with_moving_force(motion) < MIN_SLEWS:  # as on a table that turns about the vertical
         read = late = tuple(q for q in late if q != FORCE)
         if not late:
-            return f"fewer than {FEWEST} slews move gravity"
+            return f"fewer than {MIN_SLEWS} slews move gravity"
     onto = _Onto(motion, read, late, gimballed)
     onto = replace(onto, kept=tuple(np.flatnonzero(onto.usable()).tolist()))
-    if len(onto.kept) < FEWEST:
-        return f"fewer than {FEWEST} slews are fast and long enough"
+    if len(onto.kept) < MIN_SLEWS:
+        return f"fewer than {MIN_SLEWS} slews are fast and long enough"
     base, sigma = _shifted_home(onto, recording)
     if means and gimballed:
         base = replace(base, residual=base.residual + recording.step / 2)
     known = tuple(p for i in LATENCIES for p in parameters(CATALOGUE[i]) if CATALOGUE[i].stage in base.sensitivity)
     step = recording.step
     offset = np.abs(np.average(base.residual, axis=0, weights=1 / sigma**2))
-    M = _less_common(sigma, np.hypot(SAMPLED * step if gimballed else HAND, BENT * offset))
+    M = _less_common(sigma, np.hypot(SAMPLED * step if gimballed else HAND, MAX_BENDING_SHARE * offset))
     # T is a second of delay, whatever slopes of coarse rows make of it: 1 or -1, or 0
     J = np.einsum("ckl,lcp->kcp", M, np.round(base.jacobian(known)))
     base = replace(base, residual=np.einsum("ckl,lc->kc", M, base.residual))
@@ -125,7 +125,9 @@ def view_of_slews(
 def slews_with_moving_force(motion: SlewMotion) -> int:
     """Slews in which the force moves, so that it can come late."""
     force = motion.stimulus.force
-    return sum(bool(np.ptp(force[s], axis=0).max() > MOVED * np.linalg.norm(force[s][0])) for s in motion.spans)
+    return sum(
+        bool(np.ptp(force[s], axis=0).max() > MIN_GRAVITY_SHARE * np.linalg.norm(force[s][0])) for s in motion.spans
+    )
 
 
 def channel_delays(v: View) -> dict[str, tuple[float, float]]:
@@ -149,7 +151,7 @@ def _shifted_home(onto: _Onto, recording: Recording) -> tuple[Rows, Array]:
         w = 1 / sigma**2
         mean = (w * rows.residual).sum(0) / w.sum(0)
         spread = np.sqrt((w * (rows.residual - mean) ** 2).sum(0) / w.sum(0) / (len(w) - 1))
-        if np.all(np.abs(mean) < CLEAR * spread):
+        if np.all(np.abs(mean) < MIN_DELAY_SIGMAS * spread):
             break
         at = at + mean
         shifted = shifted_recording(recording, dict(zip(onto.late, at, strict=True)))
@@ -252,8 +254,8 @@ class _Onto:
     def usable(self) -> NDArray[np.bool_]:
         """Return which slews determine a delay: the unit turned, and not only as other causes would have it."""
         along = ([self._along(q, s) for q in self.late] for s in self.motion.spans)
-        power = np.array([[np.linalg.norm(p) * (share > KEPT) for p, _, share in each] for each in along])
-        return np.asarray(np.all(power > FAINT * power.max(axis=0), axis=1))
+        power = np.array([[np.linalg.norm(p) * (share > MIN_POWER_LEFT) for p, _, share in each] for each in along])
+        return np.asarray(np.all(power > MIN_RELATIVE_SIZE * power.max(axis=0), axis=1))
 
     def scatter(self, residual: Array) -> Array:
         """Sigma (m, C) [s] of each delay, by what is left of its samples, residual (N, ...)."""

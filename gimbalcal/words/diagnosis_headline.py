@@ -36,7 +36,7 @@ from gimbalcal.words.naming import (
     unit_in_print,
     without_underscores,
 )
-from gimbalcal.words.rounding import CLEAR, distinct_from_zero, pdg_rounded, significant
+from gimbalcal.words.rounding import MIN_VALUE_SIGMAS, distinct_from_zero, pdg_rounded, significant
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.answer import Diagnosis
@@ -190,7 +190,7 @@ def _own_name(p: Estimate) -> str:
 
 
 def upper_bound(p: Estimate) -> float:
-    return float(abs(p.value) + CLEAR * p.sigma)
+    return float(abs(p.value) + MIN_VALUE_SIGMAS * p.sigma)
 
 
 def _at_most(p: Estimate) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gimbalcal.number import Array
 
-CLEAR = 2.0  # sigmas; a smaller value is given as an upper bound
+MIN_VALUE_SIGMAS = 2.0  # sigmas; a smaller value is given as an upper bound
 
 
 def pdg_rounded(value: float, sigma: float) -> tuple[str, str]:
@@ -34,7 +34,7 @@ def pdg_rounded(value: float, sigma: float) -> tuple[str, str]:
 
 def distinct_from_zero(value: float, sigma: float) -> bool:
     """Return whether a value differs from zero clearly enough for words to give its size."""
-    return abs(value) > CLEAR * sigma
+    return abs(value) > MIN_VALUE_SIGMAS * sigma
 
 
 def last_place(sigma: float) -> int:

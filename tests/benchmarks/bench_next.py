@@ -15,7 +15,7 @@ import numpy as np
 
 import gimbalcal
 from gimbalcal.calibration import Calibration
-from gimbalcal.design.next_step import REACHED, SETTLED, next_step
+from gimbalcal.design.next_step import REACHED_RATIO, SETTLED_NATS, next_step
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.schedule import EIGHTEEN_POSITIONS, Hold, Schedule
@@ -71,7 +71,7 @@ def to_separate(pair: tuple[str, ...], step: float, size: float, most: int = MOS
     for more in range(most + 1):
         plan = next_step([dwells(angles)], separate=pair, step=step, most=1)
         assert plan.separation is not None
-        if plan.separation * size**2 >= SETTLED:
+        if plan.separation * size**2 >= SETTLED_NATS:
             return more
         if not plan.steps:
             return None
@@ -88,7 +88,7 @@ def main() -> None:
     for n, ratio, _ in steps:
         if n >= 6:
             say(f"{n:9d}  {ratio:5.2f}")
-    within = {limit: next((n for n, ratio, _ in steps if ratio <= limit), None) for limit in (2.0, 1.2, REACHED)}
+    within = {limit: next((n for n, ratio, _ in steps if ratio <= limit), None) for limit in (2.0, 1.2, REACHED_RATIO)}
     say("\n" + "; ".join(f"within a factor of {limit:g}: {n or 'not'} positions" for limit, n in within.items()))
     chosen, truth = calibrated(steps[-1][2], 1)
     published, _ = calibrated(list(EIGHTEEN_POSITIONS.angles), 1)

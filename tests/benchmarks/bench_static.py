@@ -28,7 +28,7 @@ import pytest
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, Effect, parameters, values
 from gimbalcal.estimate.static_run.combined_coefficients import (
-    FITTED,
+    FITTED_ORDERS,
     MEANS,
     NAMES,
     channel_operators,
@@ -140,7 +140,7 @@ def reconciled(run: Readings, e: Array, drift: int = 0) -> Array:
 
 def _normal(run: Readings, drift: int) -> Array:
     """Normal matrix (5, 5) of the harmonics under white noise, the drift being profiled."""
-    A = design_matrix(run.stimulus.time, run.phase, FITTED, drift)
+    A = design_matrix(run.stimulus.time, run.phase, FITTED_ORDERS, drift)
     N = A.T @ (run.recording.weight[:, None] * A)
     return np.linalg.inv(np.linalg.inv(N)[:5, :5])
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gimbalcal
-from gimbalcal.design.next_step import REACHED, SETTLED, WARMING_S, next_step, variance_decreases
+from gimbalcal.design.next_step import REACHED_RATIO, SETTLED_NATS, WARMING_S, next_step, variance_decreases
 from gimbalcal.recording import read
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
 from gimbalcal.words.answers import next_answer
@@ -78,7 +78,7 @@ def test_the_best_step_is_better_than_any_other_position():
 def test_a_sequence_reaches_the_sigmas_of_the_published_schedule():
     steps = sequence(EIGHTEEN_POSITIONS)
     n, ratio, _ = steps[-1]
-    assert ratio <= REACHED
+    assert ratio <= REACHED_RATIO
     assert n <= 21  # 19 on the machine that measured docs/measured/bench_next.txt
     assert next(n for n, ratio, _ in steps if ratio < 2) <= 11
     ratios = [ratio for _, ratio, _ in steps]
@@ -176,7 +176,7 @@ def test_effects_are_separated_by_positions_that_differ_for_them():
     assert again.separation > plan.separation
     quiet = replace(dwells(angles), noise={"accelerometer": 1e-6, "gimbal_angle": 1e-8})
     assert next_step([quiet], separate=pair).reached
-    assert (next_step([quiet], separate=pair).separation or 0.0) > SETTLED
+    assert (next_step([quiet], separate=pair).separation or 0.0) > SETTLED_NATS
 
 
 Command = Callable[..., int]

@@ -12,7 +12,7 @@ from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import completed
+from gimbalcal.recording import with_rests_as_positions
 from tests.diagnose import static_plant
 from tests.diagnose.plant import record
 from tests.diagnose.small import FIT, telescope
@@ -57,7 +57,7 @@ def taken(monkeypatch):
     ids=["table", "static run", "both", "with gyroscopes", "telescope", "by hand"],
 )
 def test_each_kind_reaches_its_views(taken, recordings, part):
-    recordings = [completed(r) for r in recordings]  # as they come from a file
+    recordings = [with_rests_as_positions(r) for r in recordings]  # as they come from a file
     assert diagnose(recordings, baseline=(), seed=7).verdict == "adequate"
     ((name, given),) = taken
     assert name == part

@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal import calibrate, diagnose, load_effects
 from gimbalcal.calibration import Calibration, Residual
-from gimbalcal.diagnose.laws.law_file import source
+from gimbalcal.diagnose.laws.law_file import source_text
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.units import from_si, to_si
 from gimbalcal.views.segments import turned_in_place
@@ -112,7 +112,7 @@ def test_a_law_of_no_catalogue_is_found_and_carried_by_the_filter(tmp_path):
     assert abs(k["value"] - 2 * np.pi / 47) < 4 * k["sigma"] < 1e-2
     assert law["with"] == f"law_specific_force_y,k={k['value']:.9g}"
     assert d.fit["heldout_after"] < 1.2
-    (tmp_path / "law.py").write_text(source(d.laws))
+    (tmp_path / "law.py").write_text(source_text(d.laws))
     load_effects(tmp_path / "law.py")
     assert calibrate(r, more=[law["with"]]).outcome == ""
 

@@ -10,7 +10,7 @@ from scipy.ndimage import uniform_filter1d
 from gimbalcal.effects.sensor_grades import DEG_ROOT_H, UG
 from gimbalcal.estimate.grade import grade_of_unit, random_walk_size
 from gimbalcal.platform import BENCH, SPACE_STABLE
-from gimbalcal.recording import Recording, Site, completed, dwell_means
+from gimbalcal.recording import Recording, Site, dwell_means, with_rests_as_positions
 
 G = 9.80665
 UP = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)])
@@ -29,7 +29,9 @@ def unit(force, rate=0.0, hertz=20.0, seconds=8.0, smooth=1):
     if rate:
         channels |= {("angular_rate", a): rate * DEG_ROOT_H * white[:, 3 + i] for i, a in enumerate("xyz")}
     t = np.tile(np.arange(n) / hertz, len(RESTS)) + rest * (seconds + 5.0)
-    return completed(Recording("multi-position", "unit", BENCH, Site(None, 0.0, G), {}, t, rest + 1, channels))
+    return with_rests_as_positions(
+        Recording("multi-position", "unit", BENCH, Site(None, 0.0, G), {}, t, rest + 1, channels)
+    )
 
 
 @pytest.mark.parametrize(("hertz", "smooth"), [(20.0, 1), (200.0, 1), (200.0, 40), (1.0, 1)])
@@ -46,7 +48,7 @@ def test_the_noise_is_that_of_a_second_whatever_the_rate_and_the_filter(hertz, s
 def test_counts_have_gravity_for_a_scale_and_rates_in_counts_say_nothing():
     r = unit(300.0, 0.1)
     counted = {k: np.round(x / (G / 2000 if k[0] == "specific_force" else 1e-4)) + 77 for k, x in r.channels.items()}
-    r = completed(replace(r, channels=counted, units=dict.fromkeys(counted, "count"), scatter={}))
+    r = with_rests_as_positions(replace(r, channels=counted, units=dict.fromkeys(counted, "count"), scatter={}))
     assert random_walk_size(r, "accelerometer") == pytest.approx(300 * UG, rel=0.2)
     assert random_walk_size(r, "gyroscope") is None
     assert grade_of_unit([r]).grade.name == "consumer"
@@ -55,7 +57,9 @@ def test_counts_have_gravity_for_a_scale_and_rates_in_counts_say_nothing():
 def test_a_converter_that_is_too_coarse_to_show_noise_is_not_a_quiet_sensor():
     r = unit(1.0)
     step = 4e-3 * G
-    coarse = completed(replace(r, channels={k: step * np.round(x / step) for k, x in r.channels.items()}, scatter={}))
+    coarse = with_rests_as_positions(
+        replace(r, channels={k: step * np.round(x / step) for k, x in r.channels.items()}, scatter={})
+    )
     found = random_walk_size(coarse, "accelerometer")
     assert found > 200 * UG
     assert grade_of_unit([r]).grade.name == "navigation"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.estimate.accelerometers.multiposition import LINEAR, TERMS, multiposition
-from gimbalcal.estimate.gyroscopes.between_rests import FURTHER, gyroscopes_between_rests
+from gimbalcal.estimate.gyroscopes.between_rests import FURTHER_TERMS, gyroscopes_between_rests
 from gimbalcal.estimate.term_selection import FALSE_TERM_RATE, TRIADS, needed_significance
 from tests.estimate.accelerometers.test_multiposition import TRUTH as FORCES
 from tests.estimate.accelerometers.test_multiposition import rested, scattered
@@ -38,5 +38,5 @@ def test_gyroscopes_without_further_terms_stay_without():
     for seed in range(SEEDS):
         recording = hand(RATES, 2e-3, count=20, seed=200 + seed)
         made = gyroscopes_between_rests(recording, multiposition(recording, ("bias",)))
-        taken += bool(set(FURTHER) & {p.effect for p in made.parameters})
+        taken += bool(set(FURTHER_TERMS) & {p.effect for p in made.parameters})
     assert taken <= FEW

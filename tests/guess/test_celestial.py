@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.guess.celestial import angle_stated, axis_angles
-from gimbalcal.guess.proposal import propose
+from gimbalcal.guess.proposal import propose_recording
 from gimbalcal.guess.text_table import table_of
 from tests.golden import refused
 from tests.guess.test_pointing_run import OFF, off, sexagesimal, write
@@ -46,7 +46,7 @@ def test_utc_or_a_julian_date_and_the_place_make_hour_angles(tmp_path):
                          ("MJD", np.array([f"{x - 2400000.5:.9f}" for x in jd]))):  # fmt: skip
         path = write(tmp_path / "a.csv", f"{place}{clock},ra_cat,dec_cat,ra_tel [deg],dec_tel", cells, sky, DEC, mount,
                      DEC + OFF[1] / 3600, cell="{:.8f}")  # fmt: skip
-        r = propose([path]).recording
+        r = propose_recording([path]).recording
         assert r.site.latitude == pytest.approx(np.radians(LATITUDE))
         np.testing.assert_allclose(np.degrees(r.channels["true_angle", "hour_angle"]), HOUR, atol=2e-4)
         np.testing.assert_allclose(off(r, "hour_angle"), OFF[0], atol=0.02)
@@ -59,7 +59,7 @@ def test_keywords_of_fits_files_tell_mount_plate_and_place(tmp_path):
     path = write(tmp_path / "a.csv", "file,DATE-OBS,OBJCTRA,OBJCTDEC,CRVAL1,CRVAL2,SITELAT,SITELONG",
                  np.array(["a.fits"] * N), np.array([t.isoformat() for t in utc]), *map(np.array, cells), sky, DEC,
                  np.array(["-33 30 00"] * N), np.array(["-70 45 00"] * N))  # fmt: skip
-    r = propose([path]).recording
+    r = propose_recording([path]).recording
     np.testing.assert_allclose(off(r, "hour_angle"), OFF[0], atol=1.0)
     assert r.site.latitude == pytest.approx(np.radians(LATITUDE))
 
@@ -70,12 +70,12 @@ def test_what_is_missing_or_puts_stars_below_the_horizon_is_asked(tmp_path):
     columns = (np.array([t.isoformat() for t in utc]), sky, DEC, mount, DEC)
     path = write(tmp_path / "a.csv", names, *columns)
     with refused():
-        propose([path], latitude=LATITUDE)
+        propose_recording([path], latitude=LATITUDE)
     with refused():
-        propose([path], latitude=LATITUDE, longitude=-LONGITUDE)
-    assert propose([path], latitude=LATITUDE, longitude=LONGITUDE).recording.kind == "pointing"
+        propose_recording([path], latitude=LATITUDE, longitude=-LONGITUDE)
+    assert propose_recording([path], latitude=LATITUDE, longitude=LONGITUDE).recording.kind == "pointing"
     with refused():
-        propose([write(tmp_path / "b.csv", names[4:], *columns[1:])], latitude=LATITUDE, longitude=LONGITUDE)
+        propose_recording([write(tmp_path / "b.csv", names[4:], *columns[1:])], latitude=LATITUDE, longitude=LONGITUDE)
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,11 @@ import scipy.io
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.attitude import quaternions
-from gimbalcal.guess.clocks import spread
+from gimbalcal.guess.clocks import spread_stamps
 from gimbalcal.guess.column_values import by_order, by_similar_names, quantum
 from gimbalcal.guess.log import Log
-from gimbalcal.guess.message_log import leaves
-from gimbalcal.guess.proposal import Proposal, propose
+from gimbalcal.guess.message_log import leaves_of_object
+from gimbalcal.guess.proposal import Proposal, propose_recording
 from gimbalcal.guess.text_table import table_of, tables_of
 from gimbalcal.recording import dwells
 from gimbalcal.rotation import exponential
@@ -79,7 +79,7 @@ def dialect(path, seed, t, f, w):
 def test_a_recording_in_any_dialect_is_proposed_as_it_was(tmp_path, seed):
     t, f, w = turned(1 + seed % 5)
     path, force, rate = dialect(tmp_path / "log.txt", seed, t, f, w)
-    found = propose([path])
+    found = propose_recording([path])
     r = found.recording
     assert str(r.kind) == "multi-position"
     assert {g.unit for g in found.guesses.values() if g.quantity == "specific_force"} == {force}
@@ -111,23 +111,23 @@ def test_names_in_two_lines_and_a_reference_of_the_attitude(tmp_path):
     for reference, kind in (("Vicon", "rotation"), ("Own", "multi-position")):
         path = rows(tmp_path / "a.csv", names.format(reference), t, *q.T, *f.T, *read.T, mark=";")
         if kind == "rotation":
-            found = propose([path])
+            found = propose_recording([path])
             assert set(found.recording.axes("attitude")) == {"qw", "qx", "qy", "qz"}
             np.testing.assert_allclose(found.recording.triad("angular_rate"), read, atol=1e-5)
         else:  # the unit's own estimate is no reference, and the unit never rests
             with refused():
-                propose([path])
+                propose_recording([path])
     sensors = rows(tmp_path / "run.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *read.T)
     (tmp_path / "mocap0").mkdir()
     tracked = rows(  # each as q or as -q
         tmp_path / "mocap0" / "run.csv", "t,q_w,q_x,q_y,q_z", t, *(q * np.where(np.arange(n) % 7 < 3, 1, -1)[:, None]).T
     )
-    both = propose([sensors, tracked]).recording
+    both = propose_recording([sensors, tracked]).recording
     attitude = np.stack([both.channels["attitude", axis] for axis in ("qw", "qx", "qy", "qz")], axis=-1)
     np.testing.assert_allclose(np.abs(np.sum(attitude * q, axis=1)), 1.0, atol=1e-6)
     assert np.all(np.sum(attitude[1:] * attitude[:-1], axis=1) > 0)
     with refused():  # which of them measured it is not said
-        propose([sensors, tracked.rename(tmp_path / "attitude.csv")])
+        propose_recording([sensors, tracked.rename(tmp_path / "attitude.csv")])
 
 
 def test_a_named_quantity_of_another_kind_is_never_a_sensor(tmp_path):
@@ -136,13 +136,13 @@ def test_a_named_quantity_of_another_kind_is_never_a_sensor(tmp_path):
     head = "Packet number,M11,M12,M13,Quat_w,Quat_x,Quat_y,Quat_z,lon,lat,height,mag_x [uT],mag_y [uT],mag_z [uT]"
     path = rows(tmp_path / "a.csv", head, np.arange(len(t)), *(f / G).T, *q.T, *[np.full(len(t), 9.8)] * 3, *w.T)
     with refused():
-        propose([path], rate=50)
+        propose_recording([path], rate=50)
     path = rows(
         tmp_path / "b.csv", f"{head},ax,ay,az", np.arange(len(t)), *(f / G).T, *q.T, *[9.8 + 0 * t] * 3, *w.T, *f.T
     )
     with refused():  # a count of packets is no clock
-        propose([path])
-    found = propose([path], rate=50)
+        propose_recording([path])
+    found = propose_recording([path], rate=50)
     np.testing.assert_allclose(found.recording.triad("specific_force"), f, atol=1e-5)
     assert not found.recording.has("angular_rate")
 
@@ -176,7 +176,7 @@ def test_arrays_are_read_by_what_a_file_begins_with(tmp_path, kind):
         "json": lambda: path.write_text(json.dumps({"device": "x", "rows": pl.DataFrame(columns).to_dicts()})),
     }  # fmt: skip
     write[kind]()
-    r = propose([path]).recording
+    r = propose_recording([path]).recording
     np.testing.assert_allclose(r.time - r.time[0], t, atol=1e-6)
     np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-6)
     np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-6)
@@ -189,14 +189,14 @@ def test_an_array_whose_header_is_damaged_is_refused(tmp_path, name):
     (np.savez if name == "log.npz" else np.save)(path, np.column_stack([t, f, w]))
     path.write_bytes(path.read_bytes().replace(b"'shape': (", b"'shape':((", 1))
     with pytest.raises(InputError, match="is damaged"):
-        propose([path])
+        propose_recording([path])
 
 
 def test_arrays_of_sensors_make_the_table_whatever_else_is_longer(tmp_path):
     t, f, w = turned()
     longer = np.zeros((len(t) + 1, 4))
     scipy.io.savemat(tmp_path / "log.mat", {"q_reference": longer, "time": t, "Accelerometer": f, "Gyroscope": w})
-    made = propose([tmp_path / "log.mat"])
+    made = propose_recording([tmp_path / "log.mat"])
     np.testing.assert_allclose(made.recording.triad("specific_force"), f, atol=1e-6)
     assert f"q_reference of {len(longer)} rows" in made.left_out
 
@@ -214,9 +214,9 @@ def test_a_magnetometer_beside_the_forces_is_no_gyroscope(tmp_path):
     rng, (t, f, w) = np.random.default_rng(9), turned(rests=40)
     field = f @ np.array([[0.0, 0.6, 0.8], [1.0, 0, 0], [0, 0.8, -0.6]]) / G * 0.65 + [0.5, 0.5, 0.3]
     field += 0.01 * rng.standard_normal(f.shape)
-    made = propose([_bare(tmp_path, t, field, f)])
+    made = propose_recording([_bare(tmp_path, t, field, f)])
     assert not made.recording.has("angular_rate")
-    turning = propose([_bare(tmp_path, t, w, f)])
+    turning = propose_recording([_bare(tmp_path, t, w, f)])
     np.testing.assert_allclose(turning.recording.triad("angular_rate"), w, atol=1e-5)
 
 
@@ -232,13 +232,13 @@ def test_rows_of_a_logger_that_is_faster_than_the_sensors_are_left_out(tmp_path)
     t, f, w = turned()
     log = [np.repeat(x, 8, axis=0) for x in (f, w)]
     path = rows(tmp_path / "held.csv", "t,ax,ay,az,gx,gy,gz", np.arange(8 * len(t)) * 0.0025, *log[0].T, *log[1].T)
-    found = propose([path])
+    found = propose_recording([path])
     np.testing.assert_allclose(found.recording.triad("specific_force"), f, atol=1e-4)
     assert "repeat the one before" in found.notes["repeated"]
     coarse = np.round(np.hstack([f, w]) + 0.01 * np.random.default_rng(5).standard_normal((len(t), 6)), 1)
     same = np.mean(np.all(coarse[1:] == coarse[:-1], axis=1))
     assert same > 0.4
-    kept = propose([rows(tmp_path / "coarse.csv", "t,ax,ay,az,gx,gy,gz", t, *coarse.T)])
+    kept = propose_recording([rows(tmp_path / "coarse.csv", "t,ax,ay,az,gx,gy,gz", t, *coarse.T)])
     assert len(kept.recording.time) == len(t)
 
 
@@ -248,7 +248,7 @@ def test_lists_in_lists_of_json_hold_rows(tmp_path):
     strokes = [dict(zip(names, map(float, row), strict=True)) for row in np.hstack([f, w])]
     path = tmp_path / "s.json"
     path.write_text(json.dumps({"label": "A", "strokes": [[{"ax": 1.0}], strokes]}))
-    np.testing.assert_allclose(propose([path], rate=50.0).recording.triad("angular_rate"), w)
+    np.testing.assert_allclose(propose_recording([path], rate=50.0).recording.triad("angular_rate"), w)
 
 
 def test_columns_without_names_are_no_attitude_by_their_name():
@@ -263,9 +263,11 @@ def test_rows_of_a_unit_in_motion_are_no_table_of_positions(tmp_path):
     u = rng.standard_normal((200, 3))
     force = G * u / np.linalg.norm(u, axis=1, keepdims=True) * [1.03, 0.98, 1.0] + [0.2, -0.1, 0.3]
     still = rows(tmp_path / "still.csv", "ax,ay,az", *(force + 0.02 * rng.standard_normal(force.shape)).T)
-    assert len(dwells(propose([still]).recording)) == 200
+    assert len(dwells(propose_recording([still]).recording)) == 200
     with refused():
-        propose([rows(tmp_path / "moving.csv", "ax,ay,az", *(force + 0.5 * rng.standard_normal(force.shape)).T)])
+        propose_recording(
+            [rows(tmp_path / "moving.csv", "ax,ay,az", *(force + 0.5 * rng.standard_normal(force.shape)).T)]
+        )
 
 
 def test_what_is_nested_deep_in_json_is_read_with_its_row(tmp_path):
@@ -274,10 +276,10 @@ def test_what_is_nested_deep_in_json_is_read_with_its_row(tmp_path):
     objects = [dict(zip(names, row, strict=True)) for row in np.column_stack([t, f, w]).tolist()]
     objects[0]["deep"] = json.loads("[" * 600 + "1" + "]" * 600)
     (tmp_path / "rows.json").write_text(json.dumps(objects))
-    r = propose([tmp_path / "rows.json"]).recording
+    r = propose_recording([tmp_path / "rows.json"]).recording
     np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-6)
     np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-6)
-    assert dict(leaves({"a": [1, None], "b": {"c": "x", "d": []}})) == {"a_0": 1, "a_1": None, "b_c": "x"}
+    assert dict(leaves_of_object({"a": [1, None], "b": {"c": "x", "d": []}})) == {"a_0": 1, "a_1": None, "b_c": "x"}
 
 
 @pytest.mark.parametrize("start", [b"PK\x03\x04junk", b"\x1f\x8b\x08", b"#ROSBAG V2.0\n", b"\x01\x00\x02\x00" * 99])
@@ -285,14 +287,14 @@ def test_what_only_another_program_reads_is_one_sentence(tmp_path, start):
     path = tmp_path / "log.bin"
     path.write_bytes(start)
     with refused():
-        propose([path])
+        propose_recording([path])
 
 
 def test_counts_of_a_resting_unit_and_the_rate_that_the_log_states(tmp_path):
     rng = np.random.default_rng(3)
     f = np.round(rng.normal([-260, 14700, 300], 60, (4000, 3)))
     w = np.round(rng.normal([-435, 140, -60], 8, (4000, 3)))
-    found = propose([rows(tmp_path / "a.csv", "Fs,100\nLogging Type,1\nax,ay,az,gx,gy,gz", *f.T, *w.T)])
+    found = propose_recording([rows(tmp_path / "a.csv", "Fs,100\nLogging Type,1\nax,ay,az,gx,gy,gz", *f.T, *w.T)])
     assert {g.unit for g in found.guesses.values() if g.quantity != "time"} == {"count"}
     assert np.diff(found.recording.time[:2]) == pytest.approx(0.01)
 
@@ -301,27 +303,27 @@ def test_a_rest_logged_in_seconds_is_not_in_minutes(tmp_path):
     rng = np.random.default_rng(5)
     t = 0.0055 * np.arange(8000)
     f = rng.normal([0.1, 0.06, 0.98], 0.002, (8000, 3))
-    found = propose([rows(tmp_path / "a.csv", "A level surface. Z up.\ntime (s)x (g),y (g),z (g)", t, *f.T)])
+    found = propose_recording([rows(tmp_path / "a.csv", "A level surface. Z up.\ntime (s)x (g),y (g),z (g)", t, *f.T)])
     assert found.recording.time[-1] == pytest.approx(44, abs=0.1)
-    found = propose([rows(tmp_path / "b.csv", "Time,ax,ay,az", t, *f.T)])
+    found = propose_recording([rows(tmp_path / "b.csv", "Time,ax,ay,az", t, *f.T)])
     assert found.guesses["Time"].unit == "s"
 
 
 def test_stamps_of_whole_seconds_and_packets_are_spread():
     t = 0.2 * np.arange(500)
-    even, note = spread(np.floor(t))
+    even, note = spread_stamps(np.floor(t))
     np.testing.assert_allclose(np.diff(even), 0.2, atol=0.002)
     assert "evenly spaced" in note
-    packets, note = spread(np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0]))
+    packets, note = spread_stamps(np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0]))
     np.testing.assert_allclose(packets, [0, 1, 2, 2.5, 3, 4])
     assert note.startswith("1 rows repeat")
-    assert spread(t)[1] == ""
+    assert spread_stamps(t)[1] == ""
 
 
 def test_gyroscopes_alone_are_a_recording_for_their_noise(tmp_path):
     rng = np.random.default_rng(6)
     w = rng.normal(0, 0.01, (3000, 3))
-    found = propose([rows(tmp_path / "a.csv", "gyro_x,gyro_y,gyro_z", *w.T)], rate=100)
+    found = propose_recording([rows(tmp_path / "a.csv", "gyro_x,gyro_y,gyro_z", *w.T)], rate=100)
     assert not found.recording.has("specific_force")
     golden_text(found.notes["kind"])
     table = {str(k): x for k, x in enumerate(w.T, start=1)}
@@ -332,7 +334,7 @@ def test_gyroscopes_alone_are_a_recording_for_their_noise(tmp_path):
 def test_gyroscopes_alone_that_never_rest_are_asked_for_what_noise_takes(tmp_path):
     w = np.random.default_rng(6).normal(0, 0.01, (3000, 3)) + np.sin(0.02 * np.arange(3000))[:, None] ** 3
     with refused():
-        propose([rows(tmp_path / "a.csv", "gyro_x,gyro_y,gyro_z", *w.T)], rate=100)
+        propose_recording([rows(tmp_path / "a.csv", "gyro_x,gyro_y,gyro_z", *w.T)], rate=100)
 
 
 def test_a_place_that_a_robot_logs_is_no_force(tmp_path):
@@ -340,7 +342,9 @@ def test_a_place_that_a_robot_logs_is_no_force(tmp_path):
     t = 0.1 * np.arange(600)
     place = 800 * np.stack([np.cos(t // 6), np.sin(t // 6), 0 * t], axis=-1)
     with pytest.raises(InputError, match="no three columns are a triad"):
-        propose([rows(tmp_path / "a.csv", "time,Robotposition_x,Robotposition_y,Robotposition_z", t, *place.T)])
+        propose_recording(
+            [rows(tmp_path / "a.csv", "time,Robotposition_x,Robotposition_y,Robotposition_z", t, *place.T)]
+        )
 
 
 def test_faces_in_logs_that_begin_with_a_line_cut_off_are_parts_of_one_run(tmp_path):
@@ -348,7 +352,7 @@ def test_faces_in_logs_that_begin_with_a_line_cut_off_are_parts_of_one_run(tmp_p
     for k, face in enumerate(np.eye(3)):
         f = np.round(rng.normal(face, 0.01, (300, 3)), 2)
         paths.append(rows(tmp_path / f"{k}.csv", ",-0.06\n", 52 * np.arange(300), *f.T))
-    r = propose(paths, rate=19.0).recording
+    r = propose_recording(paths, rate=19.0).recording
     assert len(r.time) > 890
     assert [d.position for d in dwells(r)] == [1, 2, 3]
 
@@ -359,25 +363,25 @@ def test_a_vehicle_that_never_stops_has_no_rests(tmp_path):
     sway = 0.1 * np.stack([np.sin(1.1 * t), np.cos(1.7 * t), np.sin(0.6 * t)], axis=-1)
     f = rng.normal([0.0, 0.0, G], 0.05, (6000, 3))
     with refused():
-        propose([rows(tmp_path / "a.csv", "t,ax,ay,az,wx [rad/s],wy [rad/s],wz [rad/s]", t, *f.T, *sway.T)])
+        propose_recording([rows(tmp_path / "a.csv", "t,ax,ay,az,wx [rad/s],wy [rad/s],wz [rad/s]", t, *f.T, *sway.T)])
 
 
 def test_a_unit_that_the_numbers_do_not_show_is_said_and_can_be_stated(tmp_path):
     rng = np.random.default_rng(8)
     t, f, w = 0.01 * np.arange(3000), rng.normal([0, 0, G], 0.02, (3000, 3)), rng.normal(0, 0.005, (3000, 3))
     path = rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *w.T)
-    found = propose([path])
+    found = propose_recording([path])
     golden_text(found.notes["unit"])
-    stated = propose([path], units={"angular_rate": "deg/s", "time": "s"})
+    stated = propose_recording([path], units={"angular_rate": "deg/s", "time": "s"})
     assert stated.guesses["gx"].unit == "deg/s"
     assert "unit" not in stated.notes
     with refused():
-        propose([path], units={"temperature": "K"})
+        propose_recording([path], units={"temperature": "K"})
 
 
 def test_gyroscopes_that_read_half_of_what_turned_are_said_with_the_factor(tmp_path):
     t, f, w = turned()
-    found = propose([rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *(w * D / 2).T)])
+    found = propose_recording([rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *(w * D / 2).T)])
     assert found.guesses["gx"].unit == "deg/s"
     golden_text(found.notes["gyroscopes"])
 
@@ -387,7 +391,7 @@ def test_lines_of_other_kinds_are_skipped_and_counted(tmp_path):
     lines = rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *w.T).read_text().splitlines()
     lines[40:40] = ["", "INFO: filter settled, all is well, a, b, c, d, e, f", "  ", "% battery low"]
     (tmp_path / "a.csv").write_text("\n".join(lines), encoding="utf-8")
-    found: Proposal = propose([tmp_path / "a.csv"])
+    found: Proposal = propose_recording([tmp_path / "a.csv"])
     assert len(found.recording.time) == len(t)
     golden_text(found.notes["lines"])
 
@@ -404,14 +408,14 @@ def test_columns_below_a_block_of_settings_are_one_axis(tmp_path):
     stamp = [str(132900081483250000 + 100000 * k) for k in range(len(a))]
     path = rows(tmp_path / "a.csv", head, stamp, a, np.gradient(a), a + 3 * np.sin(np.radians(4 * a)), mark=";")
     assert next(iter(table_of(path).columns)) == "Name"
-    r = propose([path]).recording
+    r = propose_recording([path]).recording
     assert str(r.kind) == "pointing"
     np.testing.assert_allclose(np.degrees(r.channels["gimbal_angle", "table"]), a, atol=1e-9)
     with_none = rows(tmp_path / "b.csv", "0,0.5", np.arange(1.0, 90), 0.5 + 0.9 * np.arange(1.0, 90))
-    assert str(propose([with_none]).recording.kind) == "pointing"
+    assert str(propose_recording([with_none]).recording.kind) == "pointing"
     stamp = [f"2020-12-08 16:17:{33 + k // 100:02d}.{10 * (k % 100):03d}" for k in range(500)]
     with refused():  # a time of day that grows as a position does is no angle
-        propose([rows(tmp_path / "c.log", "", stamp, np.arange(500) * 0.01 + 1, mark=" ")])
+        propose_recording([rows(tmp_path / "c.log", "", stamp, np.arange(500) * 0.01 + 1, mark=" ")])
 
 
 def test_places_on_the_sky_that_stand_once_are_refused_for_that(tmp_path):
@@ -422,7 +426,7 @@ def test_places_on_the_sky_that_stand_once_are_refused_for_that(tmp_path):
     (table,) = tables_of(tmp_path / "a.txt").values()
     assert len(table.sexagesimal) == 3
     with refused():
-        propose([tmp_path / "a.txt"], latitude=49.0)
+        propose_recording([tmp_path / "a.txt"], latitude=49.0)
 
 
 def test_the_step_of_a_quantised_column_is_known_in_spite_of_rounding():

@@ -5,7 +5,7 @@ import pytest
 
 from gimbalcal.guess.column_names import by_name
 from gimbalcal.guess.gimbal_chain import gimbal_chain
-from gimbalcal.guess.proposal import propose
+from gimbalcal.guess.proposal import propose_recording
 from gimbalcal.number import apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording import dwells
@@ -43,7 +43,7 @@ def laboratory(path, platform, encoding="latin-1"):
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-8", "utf-16"])
 def test_a_table_of_means_is_a_rest_in_each_row(tmp_path, encoding):
     force = laboratory(tmp_path / "m.csv", KNOWN["two-axis-table"], encoding)
-    found = propose([tmp_path / "m.csv"], latitude=52.3)
+    found = propose_recording([tmp_path / "m.csv"], latitude=52.3)
     r = found.recording
     assert (r.platform.name, len(dwells(r)), r.site.latitude) == ("two-axis-table", len(FACES), np.radians(52.3))
     np.testing.assert_allclose(r.triad("specific_force"), force, atol=1e-7)
@@ -57,14 +57,14 @@ def test_readouts_that_run_backwards_and_axes_of_ones_own(tmp_path):
     table = KNOWN["two-axis-table"]
     backwards = Platform("table", (Axis("inner", "z", -1), Axis("outer", "x")))
     laboratory(tmp_path / "b.csv", backwards)
-    r = propose([tmp_path / "b.csv"]).recording
+    r = propose_recording([tmp_path / "b.csv"]).recording
     angles = np.array(FACES, dtype=float)
     turned = apply_matrix(r.platform.attitude(r.angles()), np.array([0.0, 0.0, -G]))
     np.testing.assert_allclose(turned, felt(backwards, angles), atol=1e-6)
     assert r.platform == table
     lying = Platform("table", (Axis("inner", "x", 1, np.pi / 2), Axis("outer", "y")))
     laboratory(tmp_path / "c.csv", lying)
-    r = propose([tmp_path / "c.csv"]).recording
+    r = propose_recording([tmp_path / "c.csv"]).recording
     turned = apply_matrix(r.platform.attitude(r.angles()), np.array([0.0, 0.0, -G]))
     np.testing.assert_allclose(turned, felt(lying, angles), atol=1e-6)
 
@@ -75,7 +75,7 @@ def test_a_log_of_gravity_and_a_table_called_after_its_turns(tmp_path):
     rows = [line.split(";") for line in text[3:]]
     turned = [";".join(str(c).replace("--", "") for c in [*r[:4], *("-" + v for v in r[4:7]), *r[7:]]) for r in rows]
     (tmp_path / "g.csv").write_text("\n".join([*text[:3], *turned]))
-    found = propose([tmp_path / "g.csv"])
+    found = propose_recording([tmp_path / "g.csv"])
     golden_text(found.notes["platform"])
     np.testing.assert_allclose(found.recording.triad("specific_force"), force, atol=1e-7)
     chain = Platform("three", (Axis("roll", "x"), Axis("pitch", "y"), Axis("yaw", "z")))
@@ -84,7 +84,7 @@ def test_a_log_of_gravity_and_a_table_called_after_its_turns(tmp_path):
     lines = ["Position\tRoll angle\tPitch angle\tYaw angle\tAcc_X\tAcc_Y\tAcc_Z", "-\tdeg\tdeg\tdeg\tg\tg\tg"]
     lines += ["\t".join(german(x) for x in row) for row in zip(*columns, strict=True)]
     (tmp_path / "rpy.txt").write_text("\n".join(lines))
-    r = propose([tmp_path / "rpy.txt"]).recording
+    r = propose_recording([tmp_path / "rpy.txt"]).recording
     again = apply_matrix(r.platform.attitude(r.angles()), np.array([0.0, 0.0, -G]))
     np.testing.assert_allclose(again, r.triad("specific_force"), atol=1e-4)
     assert set(r.platform.axis_names) == {"roll", "pitch", "yaw"}
@@ -93,7 +93,7 @@ def test_a_log_of_gravity_and_a_table_called_after_its_turns(tmp_path):
 def test_angles_that_no_platform_explains_are_left_out_and_said(tmp_path):
     rng = np.random.default_rng(3)
     laboratory(tmp_path / "d.csv", Platform("odd", (Axis("inner", "z", 1, 0.6), Axis("outer", "x", 1, 0.5))))
-    found = propose([tmp_path / "d.csv"])
+    found = propose_recording([tmp_path / "d.csv"])
     assert found.recording.platform.name == "bench"
     golden_text(found.notes["platform"])
     assert {"Innen [°]", "Außen [°]"} <= set(found.left_out)
@@ -109,7 +109,7 @@ def test_one_rest_is_a_recording_for_its_noise(tmp_path):
         np.savetxt(
             tmp_path / "still.csv", np.column_stack([t, f]), delimiter=",", header="Zeit [s],ax,ay,az", comments=""
         )
-        found = propose([tmp_path / "still.csv"])
+        found = propose_recording([tmp_path / "still.csv"])
         assert len(dwells(found.recording)) == 1
         golden_text(found.notes["kind"])
 
@@ -127,7 +127,7 @@ def test_a_unit_that_stays_in_one_attitude_is_for_noise_and_its_inclinations_are
     head = "time [s],A_X [mg],A_Y [mg],A_Z [mg],A_X [deg],A_Y [deg],A_Z [deg]"
     lines = [",".join(line.split(",")[: 4 + inclinations]) for line in (head, *rows)]
     (tmp_path / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    found = propose([tmp_path / "a.csv"])
+    found = propose_recording([tmp_path / "a.csv"])
     assert len(dwells(found.recording)) == 4
     assert not found.recording.has("gimbal_angle")
     assert "enough for `gimbalcal noise`" in found.notes["kind"]
@@ -167,7 +167,7 @@ def test_units_below_the_names_feet_and_body_rates(tmp_path):
     )
     lines += [";".join(german(v) for v in row) for row in rows]
     (tmp_path / "u.csv").write_text("\n".join(lines), encoding="utf-8")
-    found = propose([tmp_path / "u.csv"])
+    found = propose_recording([tmp_path / "u.csv"])
     assert {g.unit for g in found.guesses.values()} - {""} == {"s", "ft/s^2", "deg/s"}
     assert np.median(found.recording.triad("specific_force")[:, 2]) == pytest.approx(G, rel=1e-3)
     assert found.recording.has("angular_rate")
@@ -178,5 +178,5 @@ def test_a_clock_that_jumps_back_can_be_counted(tmp_path):
     f = [0, 0, G] + 1e-3 * np.random.default_rng(5).standard_normal((1000, 3))
     np.savetxt(tmp_path / "j.csv", np.column_stack([t, f]), delimiter=",", header="t,ax,ay,az", comments="")
     with refused():
-        propose([tmp_path / "j.csv"])
-    assert propose([tmp_path / "j.csv"], rate=50).recording.time[-1] == pytest.approx(999 / 50)
+        propose_recording([tmp_path / "j.csv"])
+    assert propose_recording([tmp_path / "j.csv"], rate=50).recording.time[-1] == pytest.approx(999 / 50)

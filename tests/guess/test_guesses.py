@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimbalcal.guess.clocks import costs_of_unit, in_unit, jitter, single_sensor, unit_of_time
+from gimbalcal.guess.clocks import clock_jitter, costs_of_unit, in_unit, single_sensor, unit_of_time
 from gimbalcal.guess.column_values import by_order, costs_of_rate
 from gimbalcal.guess.gimbal_chain import unit_of_angle
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import on_one_clock, without_duplicates
-from gimbalcal.guess.proposal import propose
+from gimbalcal.guess.proposal import propose_recording
 from gimbalcal.importers.unit_log import unit_log
 from tests.golden import golden_text
 from tests.guess.test_pointing_run import AZ, EL, OFF, off, write
@@ -21,8 +21,8 @@ TIME = Guess("time", "", "s", "its name")
 
 def test_jitter_is_a_share_of_a_step_in_any_unit():
     t = np.cumsum(1.0 + 0.3 * np.random.default_rng(1).uniform(-1, 1, 5000))
-    assert jitter(t) == pytest.approx(0.24, abs=0.01)  # half of the middle 80 % of 60 %
-    assert jitter(1000 * t) == pytest.approx(jitter(t))
+    assert clock_jitter(t) == pytest.approx(0.24, abs=0.01)  # half of the middle 80 % of 60 %
+    assert clock_jitter(1000 * t) == pytest.approx(clock_jitter(t))
 
 
 @pytest.mark.parametrize(("step", "unit"), [(0.02, "s"), (20.0, "ms"), (2e4, "us"), (1.0, "s"), (5e6, "ns")])
@@ -153,7 +153,7 @@ def test_rests_are_where_the_accelerometers_are_quiet_whatever_a_hand_does():
 def test_offsets_in_seconds_of_time_and_a_latitude_in_the_south(tmp_path):
     head = "# latitude 33.5 S\nHA [deg],Dec [deg],dHA [s],dDec [arcsec]"
     path = write(tmp_path / "s.csv", head, AZ / 6 - 30, EL - 60, OFF[0] / 15, OFF[1], cell="{:.8f}")
-    made = propose([path]).recording
+    made = propose_recording([path]).recording
     assert made.site.latitude == pytest.approx(np.radians(-33.5))
     np.testing.assert_allclose(off(made, "hour_angle"), OFF[0], atol=0.01)  # a second of time is 15 arcsec
     np.testing.assert_allclose(off(made, "declination"), OFF[1], atol=0.01)
@@ -164,6 +164,6 @@ def test_right_ascensions_in_degrees_are_held_against_a_sidereal_time_in_hours(t
     ascension = [np.mod(15 * lst - h, 360) for h in (hour, hour + OFF[0] / 3600)]
     head = "# latitude 48.0\nLST,RA target [deg],RA mount [deg],Dec target [deg],Dec mount [deg]"
     path = write(tmp_path / "r.csv", head, lst, *ascension, EL - 60, EL - 60 + OFF[1] / 3600, cell="{:.10f}")
-    made = propose([path]).recording
+    made = propose_recording([path]).recording
     np.testing.assert_allclose(np.degrees(made.channels["true_angle", "hour_angle"]), hour, atol=1e-6)
     np.testing.assert_allclose(off(made, "hour_angle"), OFF[0], atol=0.01)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.guess.clocks import unwrapped
-from gimbalcal.guess.column_names import by_name, plain
+from gimbalcal.guess.clocks import unwrapped_clock
+from gimbalcal.guess.column_names import by_name, plain_name
 from gimbalcal.guess.column_values import signed_counts
-from gimbalcal.guess.date_formats import in_iso, is_stamp, split
-from gimbalcal.guess.merged_logs import resampled
-from gimbalcal.guess.proposal import propose
+from gimbalcal.guess.date_formats import in_iso, is_stamp, split_stamps
+from gimbalcal.guess.merged_logs import resampled_readings
+from gimbalcal.guess.proposal import propose_recording
 from gimbalcal.guess.text_table import tables_of
-from gimbalcal.guess.unit_candidates import scales
+from gimbalcal.guess.unit_candidates import stated_scales
 from gimbalcal.number import apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.recording import dwells
@@ -42,7 +42,7 @@ def test_rows_that_the_recorder_held_are_left_out(tmp_path):
     t, f, w = turned()
     for row in (100, 700):
         f[row : row + 60], w[row : row + 60] = f[row], w[row]
-    found = propose([rows(tmp_path / "held.csv", "time,ax,ay,az,gx,gy,gz", t, *f.T, *w.T)])
+    found = propose_recording([rows(tmp_path / "held.csv", "time,ax,ay,az,gx,gy,gz", t, *f.T, *w.T)])
     assert found.notes["held"] == "118 rows are left out, 2 stretches in which the recorder held a row"
     assert len(found.recording.time) == len(t) - 118
 
@@ -52,7 +52,7 @@ def test_a_column_that_numbers_each_sample_is_no_column_of_positions(tmp_path, n
     rng = np.random.default_rng(9)
     f, w = rng.normal([0.0, 0.0, G], 0.02, (n, 3)), rng.normal(0, 1e-3, (n, 3))
     path = rows(tmp_path / "rest.csv", "Number,ax,ay,az,wx,wy,wz", np.arange(1.0, n + 1), *f.T, *w.T)
-    found = propose([path], rate=100.0)
+    found = propose_recording([path], rate=100.0)
     assert len(dwells(found.recording)) == 1
     assert "Number" in found.left_out
 
@@ -60,14 +60,14 @@ def test_a_column_that_numbers_each_sample_is_no_column_of_positions(tmp_path, n
 def test_a_table_of_small_tilts_is_numbered_by_its_positions(tmp_path):
     tilt = np.radians(np.arange(12.0) - 6)
     f = G * np.stack([np.sin(tilt), 0 * tilt, np.cos(tilt)], axis=-1)
-    found = propose([rows(tmp_path / "tilts.csv", "Number,ax,ay,az", np.arange(1.0, 13), *f.T)])
+    found = propose_recording([rows(tmp_path / "tilts.csv", "Number,ax,ay,az", np.arange(1.0, 13), *f.T)])
     assert len(dwells(found.recording)) == 12
 
 
 def test_a_gyroscope_alone_beside_a_thermometer_is_refused_for_what_is_missing(tmp_path):
     t = 0.1 * np.arange(300)
     with refused():
-        propose([rows(tmp_path / "gyro.csv", "tstamp,temp,rate", t, 20 + 0 * t, 0.01 * np.sin(t))])
+        propose_recording([rows(tmp_path / "gyro.csv", "tstamp,temp,rate", t, 20 + 0 * t, 0.01 * np.sin(t))])
 
 
 def test_stamps_of_packets_that_overlap_do_not_begin_again(tmp_path):
@@ -76,9 +76,9 @@ def test_stamps_of_packets_that_overlap_do_not_begin_again(tmp_path):
     us = np.round(1e6 * t)
     us[np.arange(len(us)) % 400 >= 396] += us[1] - us[0] + 5000
     assert 0 < np.count_nonzero(np.diff(us) < 0) < 0.01 * len(us)
-    assert unwrapped(us)[1] == ""
+    assert unwrapped_clock(us)[1] == ""
     with pytest.raises(InputError, match="the clock jumps back by 5000 us"):
-        propose([rows(tmp_path / "a.csv", "timestamp[us],ax,ay,az,gx,gy,gz", us, *f.T, *w.T)])
+        propose_recording([rows(tmp_path / "a.csv", "timestamp[us],ax,ay,az,gx,gy,gz", us, *f.T, *w.T)])
 
 
 def test_a_rest_of_two_seconds_in_a_flight_is_not_denied(tmp_path):
@@ -88,7 +88,7 @@ def test_a_rest_of_two_seconds_in_a_flight_is_not_denied(tmp_path):
     swaying = np.where(np.arange(n)[:, None] < still, 0, 0.1 * (swaying - swaying[still]))
     f, w = [0, 0, -G] + swaying[:, :3] + 0.005 * noise[:, :3], 0.1 * swaying[:, 3:] + 0.001 * noise[:, 3:]
     with pytest.raises(InputError, match="no rest is found that lasts a second and takes some 3 % of the time;"):
-        propose([rows(tmp_path / "a.csv", "time,ax,ay,az,gx,gy,gz", np.arange(n) / 20, *f.T, *w.T)])
+        propose_recording([rows(tmp_path / "a.csv", "time,ax,ay,az,gx,gy,gz", np.arange(n) / 20, *f.T, *w.T)])
 
 
 @pytest.mark.parametrize("column", range(7))
@@ -98,16 +98,16 @@ def test_numbers_that_no_sensor_reads_are_missing(tmp_path, column):
     columns = [t, *f.T.copy(), *w.T.copy()]
     columns[column][40] = 1e308
     log = rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", *columns)
-    same(propose([log]), *(np.delete(x, 40, axis=0) for x in (t, f, w)))
+    same(propose_recording([log]), *(np.delete(x, 40, axis=0) for x in (t, f, w)))
     np.save(tmp_path / "a.npy", 1e300 * np.random.default_rng(column).standard_normal((200, 7)))
     with pytest.raises(InputError):
-        propose([tmp_path / "a.npy"])
+        propose_recording([tmp_path / "a.npy"])
 
 
 def test_a_rate_at_which_the_log_lasts_a_microsecond_is_answered(tmp_path):
     _, f, w = turned()
     with pytest.raises(InputError, match="this is no rest"):
-        propose([rows(tmp_path / "a.csv", "ax,ay,az,gx,gy,gz", *f.T, *w.T)], rate=1e9)
+        propose_recording([rows(tmp_path / "a.csv", "ax,ay,az,gx,gy,gz", *f.T, *w.T)], rate=1e9)
 
 
 def test_a_scale_that_a_remark_tells_is_taken_where_gravity_and_the_turns_agree(tmp_path):
@@ -116,14 +116,15 @@ def test_a_scale_that_a_remark_tells_is_taken_where_gravity_and_the_turns_agree(
     for said, unit in (("LSB 16384/g, 65.5 LSB/dps", ("g", "deg/s")), ("65.5 LSB/dps", ("count", "deg/s")),
                        ("2048 LSB/g", ("count", "count"))):  # fmt: skip
         path = rows(tmp_path / "a.txt", f"# {said}\n# millis,ax,ay,az,gx,gy,gz", 1000 * t, *counts)
-        found = propose([path])
+        found = propose_recording([path])
         units = {g.quantity: g.unit for g in found.guesses.values()}
         assert (units["specific_force"], units["angular_rate"]) == unit
-    found = propose([rows(tmp_path / "a.txt", "# LSB 16384/g, 65.5 LSB/dps\n# millis,ax,ay,az,gx,gy,gz", 1000 * t,
+    found = propose_recording([rows(tmp_path / "a.txt", "# LSB 16384/g, 65.5 LSB/dps\n# millis,ax,ay,az,gx,gy,gz",
+    1000 * t,
                           *counts)])  # fmt: skip
     same(found, t, f, w, atol=2e-3)
     golden_text(found.guesses["ax"].why)
-    told = scales(["0.061 mg/digit; 8.75 mdps per LSB", '"acc_1G","2048"'])
+    told = stated_scales(["0.061 mg/digit; 8.75 mdps per LSB", '"acc_1G","2048"'])
     assert [size for size, _ in told["specific_force"]] == pytest.approx([61e-6 * G, G / 2048])
     assert [size for size, _ in told["angular_rate"]] == pytest.approx([8.75e-3 / D])
 
@@ -133,14 +134,14 @@ def test_a_named_clock_comes_before_a_count_and_an_even_one_before_times_of_arri
     head = 'loopIteration,time,gyroADC[0],gyroADC[1],gyroADC[2],"accSmooth[0]","accSmooth[1]","accSmooth[2]"'
     path = rows(tmp_path / "b.csv", '"firmware","Betaflight"\n' + head, np.arange(len(t)), np.round(1e6 * t), *w.T * D,
                 *f.T / G, cell="{:.10g}")  # fmt: skip
-    same(propose([path]), t, f, w)
+    same(propose_recording([path]), t, f, w)
     late = t + 0.005 * np.random.default_rng(2).random(len(t))
     columns = (np.round(1e9 * late), np.round(1e9 * t), *w.T, *f.T)
     head = (
         "%time,field.header.stamp,field.angular_velocity.x,field.angular_velocity.y,field.angular_velocity.z,"
         "field.linear_acceleration.x,field.linear_acceleration.y,field.linear_acceleration.z"
     )
-    found = propose([rows(tmp_path / "ros.csv", head, *columns, cell="{:.12g}")])
+    found = propose_recording([rows(tmp_path / "ros.csv", head, *columns, cell="{:.12g}")])
     assert "field.header.stamp" in found.guesses
     same(found, t, f, w)
 
@@ -149,11 +150,11 @@ def test_ticks_and_minutes_are_told_by_the_turns_and_the_rests(tmp_path):
     t, f, w = turned()
     path = rows(tmp_path / "c.txt", "N\tSampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z", np.arange(len(t)),
                 np.round(1e4 * t) + 777, *f.T, *w.T, mark="\t")  # fmt: skip
-    found = propose([path])
+    found = propose_recording([path])
     same(found, t, f, w)
     assert "0.1 ms" in found.guesses["SampleTimeFine"].why
     assert {g.unit for g in found.guesses.values() if g.quantity == "angular_rate"} == {"rad/s"}
-    found = propose([rows(tmp_path / "d.csv", "t,ax,ay,az", t / 60, *f.T, cell="{:.9g}")])
+    found = propose_recording([rows(tmp_path / "d.csv", "t,ax,ay,az", t / 60, *f.T, cell="{:.9g}")])
     assert found.guesses["t"].unit == "min"
 
 
@@ -162,17 +163,17 @@ def test_clocks_go_on_where_they_begin_again(tmp_path):
     ms = (86_400_000 - 9000 + np.round(1000 * t).astype(int)) % 86_400_000
     stamp = [f"{x // 3600000:02d}:{x // 60000 % 60:02d}:{x // 1000 % 60:02d}.{x % 1000:03d}" for x in ms]
     head = '"Time [hh:mm:ss.ms]";"A_X [mg]";"A_Y [mg]";"A_Z [mg]";"G_X [mdps]";"G_Y [mdps]";"G_Z [mdps]"'
-    found = propose([rows(tmp_path / "e.csv", head, stamp, *f.T / G * 1000, *w.T * D * 1000, mark=";")])
+    found = propose_recording([rows(tmp_path / "e.csv", head, stamp, *f.T / G * 1000, *w.T * D * 1000, mark=";")])
     same(found, t, f, w)
     golden_text(found.guesses["Time [hh:mm:ss.ms]"].why)
     for period in (2.0**16, 2.0**32, 604800.0):
         x = np.arange(0, 5000.0, 10) + period - 2500
-        whole, at = unwrapped(np.mod(x, period))
+        whole, at = unwrapped_clock(np.mod(x, period))
         np.testing.assert_allclose(np.diff(whole), 10.0)
         assert at
-    ms = unwrapped(np.mod(19.0 * np.arange(400) + 513, 1000))[0]  # beside a clock of whole seconds
+    ms = unwrapped_clock(np.mod(19.0 * np.arange(400) + 513, 1000))[0]  # beside a clock of whole seconds
     np.testing.assert_allclose(np.diff(ms), 19.0)
-    assert unwrapped(np.array([0.0, 1, 2, 0.5, 1.5, 2.5]))[1] == ""  # no period: a fault
+    assert unwrapped_clock(np.array([0.0, 1, 2, 0.5, 1.5, 2.5]))[1] == ""  # no period: a fault
 
 
 def felt(platform, *angles):
@@ -190,7 +191,9 @@ def test_a_rig_of_ones_own_names_is_found_by_how_gravity_goes(tmp_path):
     second = 9 * 3600 + 20 * np.arange(192)
     clock = [f"{s // 3600:02d}:{s // 60 % 60:02d}:{s % 60:02d}.0" for s in second]
     each[2:] = [x / G + 1e-6 * np.random.default_rng(3).standard_normal(192) for x in each[2:]]
-    found = propose([rows(tmp_path / "f.dat", "UTC_hms PT ALPHA BETA NX NY NZ", clock, label, *each, mark="  ")])
+    found = propose_recording(
+        [rows(tmp_path / "f.dat", "UTC_hms PT ALPHA BETA NX NY NZ", clock, label, *each, mark="  ")]
+    )
     r = found.recording
     assert (r.time[1] - r.time[0], len(dwells(r))) == (20.0, 24)
     assert {(g.axis, g.unit) for g in found.guesses.values() if g.quantity == "gimbal_angle"} == {
@@ -206,7 +209,9 @@ def test_degrees_minutes_and_seconds_gon_and_a_form_above_the_table(tmp_path):
     f = felt(Platform("w", (Axis("platform", "z"), Axis("inner", "x"), Axis("middle", "y"))), psi, theta, 0 * psi)
     dms = [[f"{int(x)}°{int(x * 60) % 60:02d}'{0:04.1f}\"" for x in y] for y in (psi, theta, 0 * psi)]
     head = "Institute; no. 7\n\nNo.\tψ\tθ\tφ\tf_x / mGal\tf_y / mGal\tf_z / mGal\tu(f) / mGal"
-    found = propose([rows(tmp_path / "g.csv", head, np.arange(1, 25), *dms, *f.T * 1e5, np.full(24, 1.5), mark="\t")])
+    found = propose_recording(
+        [rows(tmp_path / "g.csv", head, np.arange(1, 25), *dms, *f.T * 1e5, np.full(24, 1.5), mark="\t")]
+    )
     r = found.recording
     assert r.platform.name == "space-stable"  # the letters of the paper, one of them never turned
     np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-5)
@@ -216,7 +221,7 @@ def test_degrees_minutes_and_seconds_gon_and_a_form_above_the_table(tmp_path):
     head += "[min];[-];[gon];[gon];[m/s²];[m/s²];[m/s²]"
     path = rows(tmp_path / "h.csv", head, np.arange(24) / 3, np.arange(1, 25), psi / 0.9, theta / 0.9, *f.T, mark=";")
     path.write_text(path.read_text(encoding="utf-8").replace(".", ","), encoding="latin-1")
-    r = propose([path]).recording
+    r = propose_recording([path]).recording
     assert r.time[3] == pytest.approx(60.0)
     turned_to = apply_matrix(r.platform.attitude(r.angles()), np.array([0.0, 0.0, -G]))
     np.testing.assert_allclose(turned_to, r.triad("specific_force"), atol=1e-4)
@@ -230,7 +235,7 @@ def test_angles_of_a_second_log_are_those_of_the_rig(tmp_path):
                cell="{:.10g}")  # fmt: skip
     table = rows(tmp_path / "rig.csv", "GPS_SOW [s],Axis1 [deg],Axis2 [deg],status", t[::10], a[::10], b[::10],
                  ["OK"] * 240, cell="{:.10g}")  # fmt: skip
-    found = propose([daq, table])
+    found = propose_recording([daq, table])
     assert {g.axis for g in found.guesses.values() if g.quantity == "gimbal_angle"} == {"axis1", "axis2"}
     assert len(dwells(found.recording)) == 18  # turns about the vertical are not felt
 
@@ -244,8 +249,8 @@ def test_a_platform_left_alone_among_the_stars_is_a_static_run(tmp_path):
     path = rows(tmp_path / "i.csv", head, t / 3600, *f.T, np.degrees(s), np.full(len(t), LATITUDE) + 1e-5 * s, 1e-5 * s,
                 cell="{:.10g}")  # fmt: skip
     with refused():
-        propose([path])
-    r = propose([path], latitude=LATITUDE, height=60.0).recording
+        propose_recording([path])
+    r = propose_recording([path], latitude=LATITUDE, height=60.0).recording
     assert (r.kind, r.platform.name, set(r.axes("gimbal_angle"))) == (
         "static-run", "space-stable", {"platform", "middle", "outer"})  # fmt: skip
 
@@ -257,7 +262,7 @@ def test_places_on_the_sky_with_sidereal_time_zenith_distances_and_remarks_in_fr
     columns = [lst, *(np.mod(lst - x / 15, 24) for x in (hour, hour + off[0])), dec, dec + off[1]]
     head = "time,SITE.LAT,LST,TARGET.RA,MOUNT.RA,TARGET.DEC,MOUNT.DEC"
     path = rows(tmp_path / "j.csv", head, 1.77e9 + 180 * np.arange(30), np.full(30, 48.0), *columns, cell="{:.12g}")
-    r = propose([path]).recording
+    r = propose_recording([path]).recording
     assert r.platform.name == "equatorial"
     assert r.site.latitude == pytest.approx(np.radians(48.0))
     read, true = (np.degrees(r.channels[q, "hour_angle"]) for q in ("gimbal_angle", "true_angle"))
@@ -265,25 +270,26 @@ def test_places_on_the_sky_with_sidereal_time_zenith_distances_and_remarks_in_fr
     np.testing.assert_allclose(true, hour, atol=1e-7)
     path.write_text(path.read_text().replace("LST", "note"))
     with refused():
-        propose([path])
+        propose_recording([path])
     az, el = rng.uniform(0, 360, 30), rng.uniform(20, 80, 30)
     head = "Nr\tUhrzeit\tAzimut\tZenitdistanz\tAblage Az [']\tAblage ZD [']"
     clock = [f"18:{2 * k % 60:02d}" for k in range(30)]
-    r = propose([rows(tmp_path / "k.txt", head, range(30), clock, az, 90 - el, 60 * off[0], -60 * off[1], mark="\t",
+    r = propose_recording([rows(tmp_path / "k.txt", head, range(30), clock, az, 90 - el, 60 * off[0], -60 * off[1],
+    mark="\t",
                       cell="{:.10g}")]).recording  # fmt: skip
     np.testing.assert_allclose(np.degrees(r.channels["true_angle", "elevation"]), el, atol=1e-7)
     np.testing.assert_allclose(np.degrees(r.channels["gimbal_angle", "elevation"]), el + off[1], atol=1e-7)
     assert r.time[1] - r.time[0] == pytest.approx(120.0)
     head = "! 22 GHz, source MJD AZ(deg) EL(deg) XEL_OFF(mdeg) EL_OFF(mdeg)\n! offsets are measured - commanded"
     sky = off[0] * np.cos(np.radians(el)) * 1000
-    r = propose([rows(tmp_path / "l.txt", head, ["J0318"] * 30, 61000 + 0.002 * np.arange(30), az, el, sky,
+    r = propose_recording([rows(tmp_path / "l.txt", head, ["J0318"] * 30, 61000 + 0.002 * np.arange(30), az, el, sky,
                       off[1] * 1000, mark=" ", cell="{:.12g}")]).recording  # fmt: skip
     np.testing.assert_allclose(np.degrees(r.channels["gimbal_angle", "azimuth"]) - az, off[0], atol=1e-6)
 
 
 def test_words_and_letters_of_names():
-    assert plain("ψ [°]") == "psi_deg"
-    assert plain("Ablage ZD [']") == "ablage_zd_arcmin"
+    assert plain_name("ψ [°]") == "psi_deg"
+    assert plain_name("Ablage ZD [']") == "ablage_zd_arcmin"
     said = {"G_X [mdps]": ("angular_rate", "x", "mdeg/s"), "gyroADC[1]": ("angular_rate", "y", ""),
             "accSmooth[2]": ("specific_force", "z", ""), "T / °C": ("temperature", "", "degC"),
             "MJD": ("time", "", "d"), "u(f) / mGal": ("sigma", "", "mGal"), "Pose": ("position", "", "")}  # fmt: skip
@@ -298,16 +304,16 @@ def test_readings_of_a_second_log_keep_their_noise_and_are_not_made_up(tmp_path)
     rng = np.random.default_rng(8)
     t, x = 0.01 * np.arange(20_000), rng.standard_normal(20_000)
     inner = t[100:-100] + 0.005
-    assert np.std(resampled(inner, t, x)) == pytest.approx(1.0, abs=0.05)
+    assert np.std(resampled_readings(inner, t, x)) == pytest.approx(1.0, abs=0.05)
     slow = 0.02 * np.arange(1, 9_999)  # two rows in one: white noise is smaller by the root of two
-    assert np.std(resampled(slow, t, x)) == pytest.approx(np.sqrt(0.5), abs=0.15)
+    assert np.std(resampled_readings(slow, t, x)) == pytest.approx(np.sqrt(0.5), abs=0.15)
     smooth = np.sin(2 * np.pi * t)
-    np.testing.assert_allclose(resampled(inner, t, smooth), np.sin(2 * np.pi * inner), atol=1e-3)
-    np.testing.assert_allclose(resampled(slow, t, smooth), np.sin(2 * np.pi * slow), atol=2e-3)
+    np.testing.assert_allclose(resampled_readings(inner, t, smooth), np.sin(2 * np.pi * inner), atol=1e-3)
+    np.testing.assert_allclose(resampled_readings(slow, t, smooth), np.sin(2 * np.pi * slow), atol=2e-3)
     t, f, w = turned()
     force = rows(tmp_path / "acc.csv", "t,ax,ay,az", t, *f.T, cell="{:.9g}")
     gyro = rows(tmp_path / "gyr.csv", "t,gx,gy,gz", t[::2], *w[::2].T, cell="{:.9g}")
-    r = propose([force, gyro]).recording  # at the times of the slower one
+    r = propose_recording([force, gyro]).recording  # at the times of the slower one
     assert np.median(np.diff(r.time)) == pytest.approx(0.04)
     assert r.title == "acc"
 
@@ -318,13 +324,17 @@ def test_axes_before_their_sensor_letters_of_gravity_and_clocks_of_days(tmp_path
     names = "% yday\tX_accel\tY_accel\tZ_accel\tX_gyro\tY_gyro\tZ_gyro"
     head = f"% Accel scale: 0.0610 mg/count\n% Gyro scale: 0.01 dps/count\n{names}"
     day = 212.5 + t / 86400
-    same(propose([rows(tmp_path / "m.log", head, day, *counts, mark="\t", cell="{:.15g}")]), t, f, w, atol=2e-3)
+    same(
+        propose_recording([rows(tmp_path / "m.log", head, day, *counts, mark="\t", cell="{:.15g}")]), t, f, w, atol=2e-3
+    )
     head = head.replace("yday", "t")  # nothing but the turns and rests tells that these are days
-    same(propose([rows(tmp_path / "n.log", head, day, *counts, mark="\t", cell="{:.15g}")]), t, f, w, atol=2e-3)
+    same(
+        propose_recording([rows(tmp_path / "n.log", head, day, *counts, mark="\t", cell="{:.15g}")]), t, f, w, atol=2e-3
+    )
     a, b = FACES.T
     f = felt(KNOWN["two-axis-table"], a, b)
     head = '"Station","Inclination (deg)","Toolface (deg)","Gx (mG)","Gy (mG)","Gz (mG)"'
-    found = propose([rows(tmp_path / "o.csv", head, [f'"S{k}"' for k in range(24)], b, a, *f.T / G * 1e3)])
+    found = propose_recording([rows(tmp_path / "o.csv", head, [f'"S{k}"' for k in range(24)], b, a, *f.T / G * 1e3)])
     assert {g.axis for g in found.guesses.values() if g.quantity == "gimbal_angle"} == {"inclination", "toolface"}
     np.testing.assert_allclose(found.recording.triad("specific_force"), f, atol=1e-5)
 
@@ -341,7 +351,7 @@ def test_axes_before_their_sensor_letters_of_gravity_and_clocks_of_days(tmp_path
 def test_dates_as_spreadsheets_write_them(days, times, want):
     assert in_iso(days, times) == want
     whole = [f"{day} {time}" for day, time in zip(days, times, strict=True)]
-    assert in_iso(*split(whole)) == want
+    assert in_iso(*split_stamps(whole)) == want
     assert is_stamp(whole[0])
 
 
@@ -351,10 +361,10 @@ def test_a_day_and_a_time_apart_are_one_clock(tmp_path):
     day = [f"{14 + int(s // 86400)}.06.2026" for s in at]
     time = [f"{int(s // 3600) % 24:02d}:{int(s // 60) % 60:02d}:{s % 60:05.2f}" for s in at]
     path = rows(tmp_path / "p.csv", "Date;Time UTC;ax;ay;az;gx;gy;gz", day, time, *f.T, *w.T, mark=";")
-    same(propose([path]), t, f, w)
+    same(propose_recording([path]), t, f, w)
     stamp = [f"{d} {x}" for d, x in zip(day, time, strict=True)]
     path = rows(tmp_path / "q.csv", "Zeitpunkt;t;ax;ay;az;gx;gy;gz", ["a"] * len(t), stamp, *f.T, *w.T, mark=";")
-    same(propose([path]), t, f, w)
+    same(propose_recording([path]), t, f, w)
 
 
 def test_an_attitude_that_a_unit_estimates_is_no_readout_of_a_rig(tmp_path):
@@ -366,7 +376,7 @@ def test_an_attitude_that_a_unit_estimates_is_no_readout_of_a_rig(tmp_path):
     for angles in ("AngleX(°)\tAngleY(°)", "Roll\tPitch", "euler_x\teuler_y"):
         path = rows(tmp_path / "wit.txt", f"{names}\t{angles}", stamp, ["WT901"] * len(t), *f.T / G, *w.T * D, roll,
                     pitch, mark="\t")  # fmt: skip
-        found = propose([path])
+        found = propose_recording([path])
         same(found, t, f, w)
         assert found.recording.platform.name == "bench"
         assert set(angles.split("\t")) <= set(found.left_out)
@@ -378,7 +388,7 @@ def test_words_before_the_numbers_of_each_line_name_the_columns(form, tmp_path):
     _, f, _ = turned()
     path = tmp_path / "log.txt"
     path.write_text("\n".join(["Calibrating", *(form.format(*row) for row in f)]) + "\n")
-    r = propose([path], rate=100.0).recording
+    r = propose_recording([path], rate=100.0).recording
     np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-4)
 
 
@@ -408,7 +418,7 @@ def test_the_numbers_of_a_vector_are_called_after_it(form, tmp_path):
     t, f, w = turned()
     lines = [form.format(1000 * s, *a, *b) for s, a, b in zip(t, f, w, strict=True)]
     (tmp_path / "v.log").write_text("\n".join(["ESP-ROM: esp32", "# ready", *lines]), encoding="utf-8")
-    same(propose([tmp_path / "v.log"]), t, f, w, 1e-5)
+    same(propose_recording([tmp_path / "v.log"]), t, f, w, 1e-5)
 
 
 def test_a_unit_that_never_rests_is_not_logged_in_minutes(tmp_path):
@@ -417,7 +427,7 @@ def test_a_unit_that_never_rests_is_not_logged_in_minutes(tmp_path):
     moving = np.sin(np.outer(t, [1.1, 1.7, 2.3])) * (np.mod(t, 2.0) > 0.2)[:, None]
     w = moving + 0.002 * np.random.default_rng(2).standard_normal((6000, 3))
     with refused():
-        propose([rows(tmp_path / "m.csv", "time,Gyr_X,Gyr_Y,Gyr_Z", t, *w.T)])
+        propose_recording([rows(tmp_path / "m.csv", "time,Gyr_X,Gyr_Y,Gyr_Z", t, *w.T)])
 
 
 @pytest.mark.parametrize("separator", ["", " ", ": ", " = "])
@@ -447,7 +457,7 @@ def test_counts_of_two_s_complement_get_their_signs_back(tmp_path):
     t, f, w = turned()
     counts = [np.round(x) for x in np.vstack([f.T * 2048 / G, w.T * D * 16.4])]
     body = [(np.round(1000 * t) % 2**16), *(x % 2**16 for x in counts)]
-    found = propose([rows(tmp_path / "log.csv", "millis,ax,ay,az,gx,gy,gz", *body)])
+    found = propose_recording([rows(tmp_path / "log.csv", "millis,ax,ay,az,gx,gy,gz", *body)])
     r = found.recording
     assert "two's complement" in found.notes["counts"]
     assert "millis" not in found.notes["counts"]

@@ -5,7 +5,7 @@ import pytest
 import scipy.io
 
 import gimbalcal
-from gimbalcal.guess.proposal import propose
+from gimbalcal.guess.proposal import propose_recording
 from gimbalcal.recording import dwells
 from tests.golden import golden_text, refused
 
@@ -44,7 +44,7 @@ def calibrated(found):
 def test_six_faces_in_six_files(own, tmp_path):
     """The order given does not matter where one clock goes on; each file's own clock is told to mean nothing."""
     paths = faces(tmp_path, (lambda k: 0.0) if own else (lambda k: 100.0 * k))
-    found = propose(paths if own else paths[::-1], latitude=45.0)
+    found = propose_recording(paths if own else paths[::-1], latitude=45.0)
     r = found.recording
     assert len(dwells(r)) == 6
     assert len(r.time) == 6 * SECONDS * RATE
@@ -56,14 +56,14 @@ def test_six_faces_in_six_files(own, tmp_path):
 
 def test_rows_of_parts_can_be_counted(tmp_path):
     paths = faces(tmp_path, lambda k: 0.0, clock="frame")
-    r = propose(paths, rate=RATE).recording
+    r = propose_recording(paths, rate=RATE).recording
     assert len(dwells(r)) == 6
     assert np.median(np.diff(r.time)) == pytest.approx(1 / RATE)
 
 
 def test_two_units_at_once_are_no_parts(tmp_path):
     with refused():
-        propose(faces(tmp_path, lambda k: 1000.0 + 0.003 * k))
+        propose_recording(faces(tmp_path, lambda k: 1000.0 + 0.003 * k))
 
 
 def rawimu(path, t0, f, w, extended):
@@ -89,7 +89,7 @@ def test_counts_of_a_receiver_face_by_face(extended, tmp_path):
         w = 3 * rng.standard_normal(still.shape)
         w[150:350] += 9000 * face  # ten degrees a second for four seconds
         paths.append(rawimu(tmp_path / f"{k}.ASC", 5e5 + 60 * k, forces(face, k) / count, w, extended))
-    found = propose(paths, latitude=45.0).recording
+    found = propose_recording(paths, latitude=45.0).recording
     assert found.counted("specific_force")
     assert found.counted("angular_rate")
     stays = dwells(found)
@@ -107,7 +107,7 @@ def test_a_damaged_line_of_a_receiver_is_named(tmp_path):
     text = path.read_text().replace("*9319b0f1", "", 3)
     path.write_text(text)
     with refused():
-        propose([path])
+        propose_recording([path])
 
 
 def test_the_fine_clock_of_xsens_counts_tenths_of_a_millisecond(tmp_path):
@@ -116,20 +116,20 @@ def test_the_fine_clock_of_xsens_counts_tenths_of_a_millisecond(tmp_path):
     path = tmp_path / "a.txt"
     names = "PacketCounter\tSampleTimeFine\tAcc_X\tAcc_Y\tAcc_Z"
     np.savetxt(path, rows, delimiter="\t", header=names, comments="// Firmware 1.4\n", fmt="%.6f")
-    assert np.median(np.diff(propose([path]).recording.time)) == pytest.approx(1 / RATE)
+    assert np.median(np.diff(propose_recording([path]).recording.time)) == pytest.approx(1 / RATE)
 
 
 def test_a_folder_is_answered_with_what_to_write(tmp_path):
     faces(tmp_path, lambda k: 100.0 * k)
     with refused():
-        propose([tmp_path])
+        propose_recording([tmp_path])
 
 
 def test_a_row_that_any_part_loses_is_noted(tmp_path):
     paths = faces(tmp_path, lambda k: 100.0 * k)
     lines = paths[3].read_text().splitlines(keepends=True)
     paths[3].write_text("".join([*lines[:80], "," + lines[80].partition(",")[2], *lines[81:]]))
-    assert propose(paths).notes["time"] == "face3.csv: 1 of 500 rows have no time and are left out"
+    assert propose_recording(paths).notes["time"] == "face3.csv: 1 of 500 rows have no time and are left out"
 
 
 def test_six_faces_in_one_file_of_arrays(tmp_path):
@@ -137,7 +137,7 @@ def test_six_faces_in_one_file_of_arrays(tmp_path):
     path = tmp_path / "faces.mat"
     arrays = {f"face_{k}_accel": forces(face, k)[: SECONDS * RATE - k] for k, face in enumerate(FACES)}
     scipy.io.savemat(path, arrays)
-    found = propose([path], latitude=45.0, rate=RATE)
+    found = propose_recording([path], latitude=45.0, rate=RATE)
     assert len(dwells(found.recording)) == 6
     assert len(found.recording.time) == sum(map(len, arrays.values()))
     got = calibrated(found.recording)
@@ -152,9 +152,9 @@ def test_turns_of_a_table_in_one_file_of_arrays_are_said_to_be_turns(tmp_path):
         for k, face in enumerate(FACES)
     }
     scipy.io.savemat(tmp_path / "turns.mat", arrays)
-    found = propose([tmp_path / "turns.mat"], rate=RATE)
+    found = propose_recording([tmp_path / "turns.mat"], rate=RATE)
     assert len(found.recording.time) == sum(map(len, arrays.values()))
     golden_text(found.notes["kind"])
     still = {**arrays, "still_gyro": 0.001 * rng.standard_normal((2000, 3))}
     scipy.io.savemat(tmp_path / "turns_and_rest.mat", still)
-    golden_text(propose([tmp_path / "turns_and_rest.mat"], rate=RATE).notes["kind"])
+    golden_text(propose_recording([tmp_path / "turns_and_rest.mat"], rate=RATE).notes["kind"])

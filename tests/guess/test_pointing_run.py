@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.errors import InputError
-from gimbalcal.guess.proposal import propose
+from gimbalcal.guess.proposal import propose_recording
 from tests.golden import golden_text, refused
 
 ARCSEC = np.pi / 648000
@@ -37,17 +37,19 @@ def agrees(r, sign=1.0, atol=0.02):
 
 def test_both_angles_in_degrees_and_in_any_order(tmp_path):
     names = "Az encoder (deg),El encoder (deg),Az target (deg),El target (deg)"
-    agrees(propose([write(tmp_path / "a.csv", names, AZ + OFF[0] / 3600, EL + OFF[1] / 3600, AZ, EL)]).recording)
+    agrees(
+        propose_recording([write(tmp_path / "a.csv", names, AZ + OFF[0] / 3600, EL + OFF[1] / 3600, AZ, EL)]).recording
+    )
     wrapped = write(
         tmp_path / "b.csv", "az_cmd,el_cmd,az_meas,el_meas", AZ, EL, (AZ + OFF[0] / 3600) % 360, EL + OFF[1] / 3600
     )
-    agrees(propose([wrapped]).recording)
+    agrees(propose_recording([wrapped]).recording)
 
 
 def test_sexagesimal_cells_and_dates(tmp_path):
     time = [f"2026-11-03T{18 + k // 20:02d}:{3 * k % 60:02d}:00" for k in range(30)]
     cells = [[sexagesimal(v) for v in x] for x in (AZ, EL, AZ + OFF[0] / 3600, EL + OFF[1] / 3600)]
-    found = propose([write(tmp_path / "c.csv", "UTC;Az soll;El soll;Az ist;El ist", time, *cells, mark=";")])
+    found = propose_recording([write(tmp_path / "c.csv", "UTC;Az soll;El soll;Az ist;El ist", time, *cells, mark=";")])
     agrees(found.recording, atol=0.2)
     assert np.diff(found.recording.time)[0] == pytest.approx(180)
 
@@ -56,10 +58,10 @@ def test_offsets_follow_the_words_of_the_file(tmp_path):
     head = "# antenna\n# offsets: {}, arcsec\n# time[s] az[deg] el[deg] daz[arcsec] del[arcsec]"
     t = 60.0 * np.arange(30)
     for words, sign in (("measured minus commanded", 1.0), ("commanded - measured", -1.0)):
-        found = propose([write(tmp_path / "d.txt", head.format(words), t, AZ, EL, *OFF, mark=" ")])
+        found = propose_recording([write(tmp_path / "d.txt", head.format(words), t, AZ, EL, *OFF, mark=" ")])
         agrees(found.recording, sign)
         golden_text(found.notes["sign"])
-    silent = propose([write(tmp_path / "e.csv", "Az,El,dAz,dEl", AZ, EL, *OFF)])
+    silent = propose_recording([write(tmp_path / "e.csv", "Az,El,dAz,dEl", AZ, EL, *OFF)])
     agrees(silent.recording)
     golden_text(silent.notes["sign"])
     golden_text(silent.notes["unit"])
@@ -67,7 +69,9 @@ def test_offsets_follow_the_words_of_the_file(tmp_path):
 
 def test_offsets_on_the_sky_turn_the_axis_further(tmp_path):
     sky = OFF[0] * np.cos(np.radians(EL))
-    found = propose([write(tmp_path / "f.csv", "Az,El,xel_off [arcsec],el_off [arcsec]", AZ, EL, sky, OFF[1])])
+    found = propose_recording(
+        [write(tmp_path / "f.csv", "Az,El,xel_off [arcsec],el_off [arcsec]", AZ, EL, sky, OFF[1])]
+    )
     agrees(found.recording)
     golden_text(found.notes["sky"])
 
@@ -75,7 +79,7 @@ def test_offsets_on_the_sky_turn_the_axis_further(tmp_path):
 def test_an_offset_of_the_axis_is_taken_beside_the_same_on_the_sky(tmp_path):
     sky = OFF[0] * np.cos(np.radians(EL))
     head = "Az,El,az_error [arcsec],az_error_sky [arcsec],el_error [arcsec]"
-    agrees(propose([write(tmp_path / "s.csv", head, AZ, EL, OFF[0], sky, OFF[1])]).recording)
+    agrees(propose_recording([write(tmp_path / "s.csv", head, AZ, EL, OFF[0], sky, OFF[1])]).recording)
 
 
 def test_an_axis_has_the_clock_of_the_controller_that_exported_it(tmp_path):
@@ -84,7 +88,7 @@ def test_an_axis_has_the_clock_of_the_controller_that_exported_it(tmp_path):
     path = write(
         tmp_path / "axis.csv", "Name;Position (Counter);Position (Resolver)", cells, angle, angle + 0.1, mark=";"
     )
-    found = propose([path]).recording
+    found = propose_recording([path]).recording
     np.testing.assert_allclose(found.time - found.time[0], 0.01 * np.arange(300), atol=1e-5)
 
 
@@ -93,7 +97,7 @@ def test_a_signal_beside_an_angle_by_name_is_read_along_its_line(tmp_path, head)
     angle = np.linspace(-60.0, 60.0, 61)
     signal = 2.5 + 0.03 * angle + 0.1 * np.sin(np.radians(3 * angle))
     columns = (angle, signal) if head.startswith("Angle") else (signal, angle)
-    made = propose([write(tmp_path / "s.csv", head, *columns)])
+    made = propose_recording([write(tmp_path / "s.csv", head, *columns)])
     run = made.recording
     axis = run.platform.axes[0].name
     np.testing.assert_allclose(np.degrees(run.channels["true_angle", axis]), angle, atol=1e-6)
@@ -105,12 +109,14 @@ def test_a_signal_beside_an_angle_by_name_is_read_along_its_line(tmp_path, head)
 def test_two_columns_without_names_of_other_scales_are_not_both_angles(tmp_path):
     command = np.linspace(-700.0, 700.0, 200)
     with refused():
-        propose([write(tmp_path / "t.csv", "-710.0,845.0", command, np.round(2100 + 1.77 * command))])
+        propose_recording([write(tmp_path / "t.csv", "-710.0,845.0", command, np.round(2100 + 1.77 * command))])
     with refused():  # before a gear and behind it
-        propose([write(tmp_path / "g.csv", "imu_pitch_deg,motor_pitch_pos_deg", command / 20, command)])
+        propose_recording([write(tmp_path / "g.csv", "imu_pitch_deg,motor_pitch_pos_deg", command / 20, command)])
     with refused():  # a place, in m
-        propose([write(tmp_path / "p.csv", "", -532700.0 + command, -6305509.0 - command)])
-    run = propose([write(tmp_path / "u.csv", "axis_deg,axis_rad", command, np.radians(command + 1))]).recording
+        propose_recording([write(tmp_path / "p.csv", "", -532700.0 + command, -6305509.0 - command)])
+    run = propose_recording(
+        [write(tmp_path / "u.csv", "axis_deg,axis_rad", command, np.radians(command + 1))]
+    ).recording
     turned = run.channels["true_angle", "table"] - run.channels["gimbal_angle", "table"]
     np.testing.assert_allclose(np.degrees(turned), 1.0, atol=1e-3)
 
@@ -118,7 +124,7 @@ def test_two_columns_without_names_of_other_scales_are_not_both_angles(tmp_path)
 def test_a_current_beside_a_torque_is_no_angle(tmp_path):
     x = np.linspace(0.0, 1.0, 30)
     with refused():
-        propose([write(tmp_path / "m.csv", "current,torque", x, 2 * x + 0.01 * x**2)])
+        propose_recording([write(tmp_path / "m.csv", "current,torque", x, 2 * x + 0.01 * x**2)])
 
 
 def test_two_of_three_axes_that_go_together_are_no_axis_with_its_measurement(tmp_path):
@@ -126,7 +132,7 @@ def test_two_of_three_axes_that_go_together_are_no_axis_with_its_measurement(tmp
     z = np.repeat(RNG.uniform(0, 90, 20), 30)
     path = write(tmp_path / "log.csv", "X, Y, Z", -0.026 * z, RNG.normal(0, 0.1, 600), z)
     with pytest.raises(InputError, match="no column is a clock"):
-        propose([path])
+        propose_recording([path])
 
 
 def test_an_equatorial_mount_needs_its_latitude(tmp_path):
@@ -134,13 +140,13 @@ def test_an_equatorial_mount_needs_its_latitude(tmp_path):
     columns = (hour, dec, hour + OFF[0] / 54000, dec + OFF[1] / 3600)
     path = write(tmp_path / "g.csv", "HA,Dec,HA obs,Dec obs", *columns, cell="{:.8f}")
     with refused():
-        propose([path])
-    found = propose([path], latitude=39.0)
+        propose_recording([path])
+    found = propose_recording([path], latitude=39.0)
     assert found.recording.platform.name == "equatorial"
     golden_text(found.notes["hours"])
     np.testing.assert_allclose(off(found.recording, "hour_angle"), OFF[0], atol=0.02)
     text = [[sexagesimal(v) for v in x] for x in columns]
-    told = propose([write(tmp_path / "h.csv", "# latitude 39.0 deg\nHA;Dec;HA obs;Dec obs", *text, mark=";")])
+    told = propose_recording([write(tmp_path / "h.csv", "# latitude 39.0 deg\nHA;Dec;HA obs;Dec obs", *text, mark=";")])
     np.testing.assert_allclose(off(told.recording, "hour_angle"), OFF[0], atol=1.5)
     assert told.recording.site.latitude == pytest.approx(np.radians(39.0))
 
@@ -149,7 +155,9 @@ def equatorial_run(tmp_path, hour, declination, read_hour, read_declination):
     """The offsets [arcsec] of a mount whose readouts [deg] are off by `OFF` as well."""
     read = read_hour + OFF[0] / 3600, read_declination + OFF[1] / 3600
     names = "ha_cat [deg],dec_cat,ha_mount [deg],dec_mount"
-    r = propose([write(tmp_path / "a.csv", names, hour, declination, *read, cell="{:.8f}")], latitude=48.0).recording
+    r = propose_recording(
+        [write(tmp_path / "a.csv", names, hour, declination, *read, cell="{:.8f}")], latitude=48.0
+    ).recording
     return off(r, "hour_angle"), off(r, "declination")
 
 
@@ -175,7 +183,7 @@ def test_a_tpoint_file_is_known_by_its_form_and_a_latitude_may_be_its_whole_site
     stars = "\n".join(f"{(180 - a) % 360:.6f} {e:.6f} {(180 - a - x / 3600) % 360:.6f} {e + y / 3600:.6f}"
                       for a, e, x, y in zip(AZ, EL, *OFF, strict=True))  # fmt: skip
     path.write_text(f"caption\n:ALTAZ\n39 00 26\n{stars}\nEND\n")
-    found = propose([path])
+    found = propose_recording([path])
     agrees(found.recording)
     assert "TPOINT" in found.notes["kind"]
 

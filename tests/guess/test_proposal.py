@@ -9,10 +9,10 @@ import polars as pl
 import pytest
 
 from gimbalcal.guess import proposal
-from gimbalcal.guess.column_names import by_name, plain
+from gimbalcal.guess.column_names import by_name, plain_name
 from gimbalcal.guess.column_values import unit_of_force
 from gimbalcal.guess.log import Guess, Log
-from gimbalcal.guess.proposal import propose
+from gimbalcal.guess.proposal import propose_recording
 from gimbalcal.recording import dwells, read
 from gimbalcal.rotation import exponential
 from tests.golden import golden_text, refused
@@ -47,7 +47,7 @@ def table(path, columns, separator=",", before=""):
 def right(path, *more, rate=0.0, gyro=True, begins=0.0):
     """The proposal is the recording that was logged, whatever units and names it was logged in."""
     t, f, w = turned()
-    found = propose([path, *more], rate=rate).recording
+    found = propose_recording([path, *more], rate=rate).recording
     assert len(dwells(found)) == 10
     assert len(found.time) > 0.99 * len(t)
     at = np.round((found.time - begins) / STEP).astype(int)
@@ -62,7 +62,7 @@ def test_names_with_units(tmp_path):
     columns = {"Time (ms)": t * 1e3, **{f"Acc{a} [g]": f[:, i] / G for i, a in enumerate("XYZ")},
                **{f"Gyro{a}(dps)": w[:, i] * D for i, a in enumerate("XYZ")}, "note": ["x"] * len(t)}  # fmt: skip
     right(table(tmp_path / "a.csv", columns))
-    assert propose([tmp_path / "a.csv"]).left_out == ("note",)
+    assert propose_recording([tmp_path / "a.csv"]).left_out == ("note",)
 
 
 def test_names_without_units_semicolons_and_dates(tmp_path):
@@ -86,7 +86,7 @@ def test_two_logs_on_two_clocks(tmp_path):
     force = table(tmp_path / "acc.csv", {"t": t, **{f"a{a}": f[:, i] for i, a in enumerate("xyz")}})
     right(force, table(tmp_path / "gyr.csv", gyro))
     with refused():
-        propose([force, table(tmp_path / "later.csv", {**gyro, "t": t2 + 1e4})])
+        propose_recording([force, table(tmp_path / "later.csv", {**gyro, "t": t2 + 1e4})])
 
 
 def test_lines_before_the_table_blanks_holes_and_milli_g(tmp_path):
@@ -95,7 +95,7 @@ def test_lines_before_the_table_blanks_holes_and_milli_g(tmp_path):
     z[::499] = np.nan
     columns = {"time_us": t * 1e6, " acc x ": f[:, 0] / G * 1e3, " acc y ": f[:, 1] / G * 1e3, " acc z ": z}
     path = table(tmp_path / "d.log", columns, "\t", "# logger v3\nserial 1234\n")
-    found = propose([path])
+    found = propose_recording([path])
     assert "are left out, empty in acc z" in " ".join(found.recording.remarks)
     assert {g.unit for g in found.guesses.values()} == {"us", "mg"}
     right(path, gyro=False)
@@ -106,7 +106,7 @@ def test_the_turns_tell_a_unit_that_numbers_do_not(tmp_path):
     columns = {"t": t, **{f"a{a}": f[:, i] for i, a in enumerate("xyz")},
                **{f"gyro_{a}": w[:, i] * D / 10 for i, a in enumerate("xyz")}}  # fmt: skip
     slow = {**columns, "t": t * 10}  # up to 18 deg/s, which could be rad/s by its size
-    found = propose([table(tmp_path / "slow.csv", slow)])
+    found = propose_recording([table(tmp_path / "slow.csv", slow)])
     assert {g.unit for g in found.guesses.values() if g.quantity == "angular_rate"} == {"deg/s"}
     golden_text(found.guesses["gyro_x"].why)
 
@@ -123,12 +123,12 @@ def test_forces_read_in_another_range_are_counts_with_a_scale(tmp_path, unit, ra
         "gy": w[:, 1],
         "gz": w[:, 2],
     }
-    found = propose([table(tmp_path / "r.csv", columns)])
+    found = propose_recording([table(tmp_path / "r.csv", columns)])
     assert {g.unit for g in found.guesses.values() if g.quantity == "specific_force"} == {"count"}
     golden_text(found.guesses["ax"].why)
     stated = {name.replace("a", "acc_") + f" [{unit}]" * name.startswith("a"): x for name, x in columns.items()}
     with refused():
-        propose([table(tmp_path / "s.csv", stated)])
+        propose_recording([table(tmp_path / "s.csv", stated)])
     shaken = np.random.default_rng(1).standard_normal((3, 500))
     shaken *= range_ratio * (1.0 if unit == "g" else G) / np.median(np.linalg.norm(shaken, axis=0))
     assert unit_of_force(list(shaken))[0] != "count"
@@ -138,9 +138,9 @@ def test_a_long_log_is_tried_by_means_and_proposed_whole(tmp_path, monkeypatch):
     t, f, w = turned()
     path = table(tmp_path / "log.csv", {"t": 1000 * t, "ax": f[:, 0], "ay": f[:, 1], "az": f[:, 2], "gx": w[:, 0],
                                         "gy": w[:, 1], "gz": w[:, 2]})  # fmt: skip
-    whole = propose([path])
+    whole = propose_recording([path])
     monkeypatch.setattr(proposal, "MAX_TRIAL_ROWS", len(t) // 3)
-    again = propose([path])
+    again = propose_recording([path])
     assert again.guesses == whole.guesses
     assert again.notes == whole.notes
     assert len(again.recording.time) == len(t)
@@ -161,7 +161,7 @@ def test_a_log_without_a_clock_is_asked_for_its_rate(tmp_path):
     _, f, _ = turned()
     path = table(tmp_path / "e.csv", {f"a{a}": f[:, i] for i, a in enumerate("xyz")})
     with refused():
-        propose([path])
+        propose_recording([path])
     right(path, rate=50.0, gyro=False)
 
 
@@ -170,9 +170,9 @@ def test_a_log_without_gravity_and_its_sign_are_said(tmp_path):
     columns = {"t": t, **{f"w{a}": w[:, i] for i, a in enumerate("xyz")}}
     linear = {f"Linear Acceleration {a} (m/s^2)": 0.01 * f[:, i] for i, a in enumerate("xyz")}
     with refused():
-        propose([table(tmp_path / "phone.csv", {**columns, **linear})])
+        propose_recording([table(tmp_path / "phone.csv", {**columns, **linear})])
     whole = {f"a{a}": f[:, i] for i, a in enumerate("xyz")}
-    golden_text(propose([table(tmp_path / "unit.csv", {**columns, **whole})]).notes["signs"])
+    golden_text(propose_recording([table(tmp_path / "unit.csv", {**columns, **whole})]).notes["signs"])
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_what_cannot_be_guessed_is_said(tmp_path, text):
     path = tmp_path / "log.csv"
     path.write_text(text)
     with refused():
-        propose([path])
+        propose_recording([path])
 
 
 def test_names_of_many_loggers():
@@ -210,7 +210,7 @@ def test_names_of_many_loggers():
     assert all(
         by_name(name) is None for name in ("mag_x", "note", "quality", "battery", "attempt", "s_x", "TID", "temp_raw")
     )
-    assert plain("Acc_X [m/s^2]") == "acc_x_m_s2"
+    assert plain_name("Acc_X [m/s^2]") == "acc_x_m_s2"
 
 
 def test_the_command_writes_a_recording_that_can_be_corrected(command, capsys, tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from gimbalcal.checks.driven_rates import driven_turn
 from gimbalcal.guess.column_names import axis_word, by_name
-from gimbalcal.guess.proposal import propose
+from gimbalcal.guess.proposal import propose_recording
 from gimbalcal.platform import KNOWN, Axis, Platform
 from gimbalcal.quantities import refuse_unit
 from gimbalcal.rotation import rotation_vector
@@ -43,7 +43,7 @@ def chain(r):
 def test_the_gyroscopes_tell_axis_and_sense_of_a_table(tmp_path, direction, sign):
     angle = STEP * np.cumsum(profile())
     g = felt(Platform("own", (Axis("table", direction, sign),)), angle[:, None])
-    found = propose([log(tmp_path / "a.csv", g, table_angle_deg=angle % 360)])
+    found = propose_recording([log(tmp_path / "a.csv", g, table_angle_deg=angle % 360)])
     r = found.recording
     assert (r.kind, chain(r)) == ("rotation", [("table", direction, sign)])
     golden_text(found.notes["platform"])
@@ -57,7 +57,7 @@ def test_the_gyroscopes_tell_axis_and_sense_of_a_table(tmp_path, direction, sign
 def test_a_rate_of_the_table_is_added_up(tmp_path, name, factor):
     rate = profile()
     g = felt(Platform("own", (Axis("table", "y"),)), STEP * np.cumsum(rate)[:, None])
-    r = propose([log(tmp_path / "a.csv", g, **{name: factor * rate})]).recording
+    r = propose_recording([log(tmp_path / "a.csv", g, **{name: factor * rate})]).recording
     assert chain(r) == [("table", "y", 1)]
     assert np.ptp(r.channels["gimbal_angle", "table"]) == pytest.approx(
         np.radians(np.ptp(STEP * np.cumsum(rate))), 1e-3
@@ -80,7 +80,7 @@ def test_an_angle_by_any_name_beside_what_is_none(tmp_path, name, shown):
         name: shown(angle),
         "temp_c": 20 + 1e-3 * np.arange(len(rate)),
     }
-    found = propose([log(tmp_path / "a.csv", g, **others)])
+    found = propose_recording([log(tmp_path / "a.csv", g, **others)])
     assert chain(found.recording) == [("table", "x", 1)]
     assert "supply_v" in found.left_out
 
@@ -90,7 +90,7 @@ def test_a_measured_angle_comes_before_a_command(tmp_path):
     angle = STEP * np.cumsum(rate)
     g = felt(Platform("own", (Axis("table", "z", -1),)), angle[:, None])
     late = np.round(np.roll(angle, 5) * 10) / 10 % 360
-    found = propose([log(tmp_path / "a.csv", g, table_speed_cmd=rate, encoder=late)])
+    found = propose_recording([log(tmp_path / "a.csv", g, table_speed_cmd=rate, encoder=late)])
     assert found.guesses["encoder"].quantity == "gimbal_angle"
     assert "table_speed_cmd" in found.left_out
 
@@ -103,7 +103,7 @@ def test_an_inner_axis_that_spins_at_several_outer_angles(tmp_path):
         outer[end - 200 : end] = 45 * k + np.linspace(0, 45, 200)
         outer[end:] = 45 * (k + 1)
     g = felt(KNOWN["two-axis-table"], np.stack([inner, outer], axis=-1))
-    made = propose([log(tmp_path / "a.csv", g, inner_deg=inner % 360, outer_deg=outer)]).recording
+    made = propose_recording([log(tmp_path / "a.csv", g, inner_deg=inner % 360, outer_deg=outer)]).recording
     assert made.platform == KNOWN["two-axis-table"]
     assert set(made.axes("gimbal_angle")) == {"inner", "outer"}
 
@@ -111,9 +111,9 @@ def test_an_inner_axis_that_spins_at_several_outer_angles(tmp_path):
 def test_rates_in_rad_and_in_counts(tmp_path):
     angle = STEP * np.cumsum(profile())
     g = felt(Platform("own", (Axis("table", "z"),)), angle[:, None])
-    r = propose([log(tmp_path / "a.csv", np.radians(g), table=angle % 360)]).recording
+    r = propose_recording([log(tmp_path / "a.csv", np.radians(g), table=angle % 360)]).recording
     assert (r.units["angular_rate", "x"], r.platform) == ("rad/s", KNOWN["rate-table"])
-    r = propose([log(tmp_path / "b.csv", np.round(131 * g), table=angle % 360)]).recording
+    r = propose_recording([log(tmp_path / "b.csv", np.round(131 * g), table=angle % 360)]).recording
     assert (r.units["angular_rate", "x"], r.platform.axes[0].direction) == ("count", "z")
 
 
@@ -122,7 +122,7 @@ def test_about_the_vertical_gravity_tells_nothing_and_the_gyroscopes_do(tmp_path
     g = felt(Platform("own", (Axis("table", "x", -1),)), STEP * np.cumsum(rate)[:, None])
     rng = np.random.default_rng(4)
     force = {f"acc_{a}": f + rng.normal(0, 0.002, len(rate)) for a, f in zip("xyz", (9.81, 0.02, -0.03), strict=True)}
-    found = propose([log(tmp_path / "a.csv", g, **force, table_rate_dps=rate)])
+    found = propose_recording([log(tmp_path / "a.csv", g, **force, table_rate_dps=rate)])
     assert (found.recording.kind, chain(found.recording)) == ("rotation", [("table", "x", -1)])
     assert found.recording.has("specific_force")
     assert "--method rate-table" in found.notes["kind"]
@@ -135,11 +135,11 @@ def test_what_no_column_explains_is_said(tmp_path):
         Platform("own", (Axis("tilt", "x", 1, 0.6), Axis("table", "z"))), np.stack([0 * angle, angle], axis=-1)
     )
     with refused():
-        propose([log(tmp_path / "a.csv", oblique, table_deg=angle)])
+        propose_recording([log(tmp_path / "a.csv", oblique, table_deg=angle)])
     logs = [log(tmp_path / f"{a}.csv", felt(Platform("own", (Axis("table", a),)), angle[:, None]), table_deg=angle)
             for a in "xy"]  # fmt: skip
     with refused():
-        propose(logs)
+        propose_recording(logs)
 
 
 def test_a_rate_of_a_table_is_no_angle_of_it():

@@ -10,7 +10,7 @@ from gimbalcal.effects.accelerometer import ScaleFactor
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
-from gimbalcal.recording import Recording, Site, completed, read, write
+from gimbalcal.recording import Recording, Site, read, with_rests_as_positions, write
 
 
 def by_hand(noise=0.003, rests=14):
@@ -35,7 +35,7 @@ def by_hand(noise=0.003, rests=14):
 def test_rests_and_scatter_are_those_of_the_same_recording_in_a_file(tmp_path):
     made = by_hand()
     write(made, tmp_path, "samples.csv")
-    there, here = read(tmp_path), completed(made)
+    there, here = read(tmp_path), with_rests_as_positions(made)
     np.testing.assert_array_equal(here.position, there.position)
     assert here.position.max() == 14
     assert here.scatter.keys() == there.scatter.keys()
@@ -44,10 +44,10 @@ def test_rests_and_scatter_are_those_of_the_same_recording_in_a_file(tmp_path):
 
 
 def test_what_is_there_stays():
-    made = completed(by_hand())
-    assert completed(made) is made
+    made = with_rests_as_positions(by_hand())
+    assert with_rests_as_positions(made) is made
     still = replace(made, scatter={}, channels={key: np.full(len(made.time), 1.0) for key in made.channels})
-    assert completed(still).scatter == {}
+    assert with_rests_as_positions(still).scatter == {}
 
 
 def test_a_calibration_in_python_is_that_of_the_file(tmp_path):
@@ -59,7 +59,7 @@ def test_a_calibration_in_python_is_that_of_the_file(tmp_path):
 
 
 def test_a_correction_changes_the_noise_as_it_changes_the_readings():
-    r = replace(completed(by_hand()), noise={"accelerometer": 0.003, "gyroscope": 1.0})
+    r = replace(with_rests_as_positions(by_hand()), noise={"accelerometer": 0.003, "gyroscope": 1.0})
     s = np.array([0.5, 0.0, 0.0])  # reads two thirds of what is there
     unit = Calibration("test", (ScaleFactor(s=s),), (), np.zeros((0, 0)), (), Residual(0.0, 0, {}))
     there = unit.apply(r)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Dwell, Recording, Site, dwell_means, dwells, read
-from gimbalcal.recording.detection import detect
+from gimbalcal.recording.detection import detect_rests
 from gimbalcal.recording.dwell import block_means, rests_are_means, usual_step, whole_means
 from tests.golden import golden_text, refused
 from tests.recording.folders import HEADER, folder, text
@@ -123,7 +123,7 @@ def turned_by_hand(rng, rests, rate):
 @pytest.mark.parametrize("seed", range(5))
 def test_every_rest_is_found_and_nothing_of_a_move(seed, rate):
     time, channels, edges = turned_by_hand(np.random.default_rng(seed), 15, rate)
-    position = detect(time, channels)
+    position = detect_rests(time, channels)
     assert position.max() == 15
     for k, (start, stop) in enumerate(edges, start=1):
         rows = np.flatnonzero(position == k)
@@ -141,8 +141,8 @@ def test_a_gyroscope_that_shakes_ends_a_rest(raw):
     start, stop = edges[4]
     rate[start:stop, 1] += np.radians(5.0) * rng.standard_normal(stop - start)  # too small for the accelerometers
     gyros = dict(zip("xyz", rate.T, strict=True))
-    assert detect(time, channels).max() == 10
-    position = detect(time, channels, gyros, raw)
+    assert detect_rests(time, channels).max() == 10
+    position = detect_rests(time, channels, gyros, raw)
     assert position.max() == 9
     assert not position[start:stop].any()
 
@@ -153,7 +153,7 @@ def test_a_turn_about_the_vertical_is_no_rest():
     rate = np.radians(0.05) * rng.standard_normal((len(time), 3)) + np.radians([0.9, -0.4, 0.1])
     start, stop = edges[6]
     rate[start : start + 100] += np.radians([0.0, 10.0, 0.0])
-    position = detect(time, channels, dict(zip("xyz", rate.T, strict=True)))
+    position = detect_rests(time, channels, dict(zip("xyz", rate.T, strict=True)))
     assert position.max() == 10
     assert not position[start : start + 100].any()
     assert position[start + 150 : stop - 60].all()
@@ -164,21 +164,21 @@ def test_a_shaking_hand_and_a_slow_bias_are_rests():
     time, channels, _ = turned_by_hand(rng, 10, 50.0)
     tremor = np.radians(0.3) * np.abs(rng.standard_normal(len(time) // 100 + 1)).repeat(100)[: len(time)]
     rate = tremor[:, None] * rng.standard_normal((len(time), 3)) + np.radians(0.8) * (time / time[-1])[:, None]
-    assert detect(time, channels, dict(zip("xyz", rate.T, strict=True))).max() == 10
+    assert detect_rests(time, channels, dict(zip("xyz", rate.T, strict=True))).max() == 10
 
 
 def test_a_rest_ends_where_the_logger_paused():
     time, channels, edges = turned_by_hand(np.random.default_rng(8), 4, 50.0)
     middle = sum(edges[2]) // 2
-    assert detect(time + 1e5 * (np.arange(len(time)) >= middle), channels).max() == 5
-    assert detect(time + 5.0 * (np.arange(len(time)) >= middle), channels).max() == 4
+    assert detect_rests(time + 1e5 * (np.arange(len(time)) >= middle), channels).max() == 5
+    assert detect_rests(time + 5.0 * (np.arange(len(time)) >= middle), channels).max() == 4
 
 
 def test_a_pause_that_is_longer_than_the_rest_ends_it():
     """A logger that stood for 30 s in the middle of a rest of 4 to 9 s has seen two of them, which checks ask for."""
     time, channels, edges = turned_by_hand(np.random.default_rng(8), 4, 50.0)
     middle = sum(edges[2]) // 2
-    position = detect(time + 30.0 * (np.arange(len(time)) >= middle), channels)
+    position = detect_rests(time + 30.0 * (np.arange(len(time)) >= middle), channels)
     assert position.max() == 5
     assert position[middle] == position[middle - 1] + 1
 
@@ -191,7 +191,7 @@ def test_sensors_of_little_noise_rest_throughout_an_hour():
     force = 9.8 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1) + 1e-5 * rng.standard_normal((n, 3))
     rate = np.stack([0 * angle, 0 * angle, np.where(turn, np.radians(5.0), 0.0)], axis=1)
     rate += 5e-10 * rng.standard_normal((n, 3)) + 7e-5
-    found = detect(time, dict(zip("xyz", force.T, strict=True)), dict(zip("xyz", rate.T, strict=True)))
+    found = detect_rests(time, dict(zip("xyz", force.T, strict=True)), dict(zip("xyz", rate.T, strict=True)))
     assert found.max() == 20
     assert (found > 0).mean() > 0.45
 
@@ -205,7 +205,7 @@ def quiet_for(seconds, rate=50.0, seed=9):
 
 def test_a_rest_loses_half_a_window_at_both_ends_and_lasts_one_after_that():
     time, x = quiet_for([20.0, 1.5, 4.0])
-    position = detect(time, {"x": x})
+    position = detect_rests(time, {"x": x})
     begin = np.array([3.0, 3.0 + 20.0 + 3.0 + 1.5 + 3.0])
     assert position.max() == 2  # half a second is left of the one between
     for k, lasts in ((1, 20.0), (2, 4.0)):
@@ -225,7 +225,7 @@ def test_the_window_follows_short_rests(seed, rate, lasts):
     s = (1 - np.cos(np.pi * np.linspace(0, 1, way)))[:, None] / 2
     parts = [np.concatenate([(1 - s) * a + s * b, np.repeat(b[None], rest, axis=0)]) for a, b in pairwise(poses)]
     force = np.concatenate(parts) + 3e-3 * rng.standard_normal((30 * (way + rest), 3))
-    position = detect(np.arange(len(force)) / rate, dict(zip("xyz", force.T, strict=True)))
+    position = detect_rests(np.arange(len(force)) / rate, dict(zip("xyz", force.T, strict=True)))
     assert position.max() == 30
     assert (position > 0).mean() > 0.5 * rest / (way + rest)
     worst = max(float(np.ptp(np.concatenate(parts)[position == k], axis=0).max()) for k in range(1, 31))
@@ -252,7 +252,7 @@ def test_a_rig_that_turns_one_axis_at_a_time_dwells_at_every_rate(rate, lasts, s
         force = np.concatenate(parts)
         moving = np.concatenate([np.full(len(part), k % 2 == 0) for k, part in enumerate(parts)])
         force += 1e-3 * rng.standard_normal(force.shape)
-        position = detect(np.arange(len(force)) / rate, dict(zip("xyz", force.T, strict=True)))
+        position = detect_rests(np.arange(len(force)) / rate, dict(zip("xyz", force.T, strict=True)))
         assert not position[moving].any()
         count += position.max() == 12
     assert count >= 3
@@ -271,14 +271,14 @@ def test_nothing_rests_in_a_unit_that_moves_all_the_time(seed, kind):
     size = np.exp(0.5 * slow[:, :1])
     motion = {"turned": 0.3 * slow, "driven": walk, "shaken": 0.1 * slow + size * walk}[kind]
     force = np.array([0, 0, 1.0]) + motion + 3e-3 * rng.standard_normal(motion.shape)
-    assert detect(time, dict(zip("xyz", force.T, strict=True))).max() == 0
+    assert detect_rests(time, dict(zip("xyz", force.T, strict=True))).max() == 0
 
 
 @pytest.mark.parametrize(("noise", "count"), [(0.01, 1), (0.04, 0)])
 def test_noise_beyond_that_of_any_accelerometer_is_vibration(noise, count):
     rng = np.random.default_rng(0)
     force = np.array([0.1, 0.2, 0.95]) + noise * rng.standard_normal((20_000, 3))
-    assert detect(np.arange(20_000) / 200.0, dict(zip("xyz", force.T, strict=True))).max() == count
+    assert detect_rests(np.arange(20_000) / 200.0, dict(zip("xyz", force.T, strict=True))).max() == count
 
 
 def test_knocks_at_a_low_rate_end_no_stay():
@@ -290,7 +290,7 @@ def test_knocks_at_a_low_rate_end_no_stay():
         turn = 2e-3 * rng.standard_normal((n, 3))
         force[rng.choice(n, n // 300, replace=False)] += 0.5 * rng.standard_normal(3)
         turn[rng.choice(n, n // 40, replace=False), 1] += 0.02
-        position = detect(time, *(dict(zip("xyz", x.T, strict=True)) for x in (force, turn)))
+        position = detect_rests(time, *(dict(zip("xyz", x.T, strict=True)) for x in (force, turn)))
         assert position.max() == 1
         assert (position > 0).mean() > 0.9
 
@@ -301,19 +301,19 @@ def test_a_knock_does_not_end_a_stay_and_a_turn_does():
     force = np.array([0.0, 0.0, 1.0]) + 1e-3 * rng.standard_normal((6000, 3))
     force[2000:2050] += 0.2 * np.sin(2 * np.pi * 20.0 * time[2000:2050, None])  # on the table
     force[4000:4400, 0] += np.sin(np.pi * np.linspace(0, 1, 400))  # away and back
-    position = detect(time, dict(zip("xyz", force.T, strict=True)))
+    position = detect_rests(time, dict(zip("xyz", force.T, strict=True)))
     assert position.max() == 2
     assert (position[:1900] == 1).all()
     assert (position[2150:3900] == 1).all()
     assert (position[4500:] == 2).all()
     moved = np.array([0.0, 0.0, 1.0]) + 1e-3 * rng.standard_normal((6000, 3))
     moved[2000:2020, 1] += 0.2 * (-1.0) ** np.arange(20)
-    assert detect(time, dict(zip("xyz", moved.T, strict=True))).max() == 1
+    assert detect_rests(time, dict(zip("xyz", moved.T, strict=True))).max() == 1
     moved[2020:, 0] += 2.6e-3  # 1.5 times the noise of a row
-    assert detect(time, dict(zip("xyz", moved.T, strict=True))).max() == 2
+    assert detect_rests(time, dict(zip("xyz", moved.T, strict=True))).max() == 2
     rate = 1e-3 * rng.standard_normal((6000, 3))
     rate[2000:2050, 2] += np.radians(90.0) / 0.5  # about the vertical
-    position = detect(time, dict(zip("xyz", force.T, strict=True)), dict(zip("xyz", rate.T, strict=True)))
+    position = detect_rests(time, dict(zip("xyz", force.T, strict=True)), dict(zip("xyz", rate.T, strict=True)))
     assert position.max() == 3
 
 
@@ -321,12 +321,14 @@ def test_coarse_readings_rest():
     """Readings that mostly repeat have no variance in most windows: the floor is that of their quantisation."""
     rng = np.random.default_rng(4)
     x = np.round(0.3 + 0.25 * rng.standard_normal(40_000))
-    assert detect(np.arange(40_000) / 5.0, {"x": x, "y": np.round(x + 0.1 * rng.standard_normal(40_000))}).min() == 1
+    assert (
+        detect_rests(np.arange(40_000) / 5.0, {"x": x, "y": np.round(x + 0.1 * rng.standard_normal(40_000))}).min() == 1
+    )
 
 
 def test_noise_of_few_samples_in_a_second_scatters_and_is_a_rest():
     rng = np.random.default_rng(10)  # the variance of five samples is ten times its tenth part once in thirty
-    assert detect(np.arange(3000) / 4.0, {"x": rng.standard_normal(3000)}).tolist() == [1] * 3000
+    assert detect_rests(np.arange(3000) / 4.0, {"x": rng.standard_normal(3000)}).tolist() == [1] * 3000
 
 
 def test_a_gyroscope_is_judged_by_what_it_does_at_rest():
@@ -336,10 +338,10 @@ def test_a_gyroscope_is_judged_by_what_it_does_at_rest():
     rate = np.radians(0.05) * rng.standard_normal((len(time), 3)) + np.radians(3.0)
     rate[slice(*edges[3])] = 6 * (rate[slice(*edges[3])] - np.radians(3.0)) + np.radians(3.0)
     gyros = dict(zip("xyz", rate.T, strict=True))
-    assert detect(time, channels, gyros).max() == 10
+    assert detect_rests(time, channels, gyros).max() == 10
     turning = slice(*edges[6])
     gyros["z"] = rate[:, 2] + np.radians(10.0) * ((time >= time[turning][0]) & (time <= time[turning][-1]))
-    position = detect(time, channels, gyros)
+    position = detect_rests(time, channels, gyros)
     assert position.max() == 9
     assert not position[turning].any()
 
@@ -350,26 +352,26 @@ def test_gyroscopes_alone_rest_while_their_bias_wanders_by_less_than_any_motion(
     rate = 2e-3 + 0.9 * np.cumsum(steps, axis=0) / 15 + 1e-5 * rng.standard_normal((n, 3))
     gyros = dict(zip("xyz", rate.T, strict=True))
     time = np.arange(n) / 50.0
-    assert (detect(time, gyros, gyros, gravity=False) > 0).mean() > 0.8
-    assert (detect(time, gyros, {a: 30 * x for a, x in gyros.items()}, raw=True, gravity=False) > 0).mean() < 0.5
+    assert (detect_rests(time, gyros, gyros, gravity=False) > 0).mean() > 0.8
+    assert (detect_rests(time, gyros, {a: 30 * x for a, x in gyros.items()}, raw=True, gravity=False) > 0).mean() < 0.5
 
 
 def test_units_do_not_matter():
     time, channels, _ = turned_by_hand(np.random.default_rng(7), 8, 50.0)
     counts = {axis: 32768 + 4100 * f for axis, f in channels.items()}
-    np.testing.assert_array_equal(detect(time, channels), detect(time, counts))
+    np.testing.assert_array_equal(detect_rests(time, channels), detect_rests(time, counts))
 
 
 def test_a_quiet_recording_is_one_rest():
     rng = np.random.default_rng(2)
-    position = detect(np.arange(5000) / 100, {"x": rng.standard_normal(5000)})
+    position = detect_rests(np.arange(5000) / 100, {"x": rng.standard_normal(5000)})
     assert position.min() == position.max() == 1
 
 
 def test_the_real_unit_rests_38_times():
     # The long rest at the start and 37 poses; thresholds from 10 to 20 agree on it, see below.
     time, counts = accelerometers()
-    position = detect(time, dict(zip("xyz", counts.T, strict=True)))
+    position = detect_rests(time, dict(zip("xyz", counts.T, strict=True)))
     assert position.max() == 38
     first = time[position == 1]
     assert first[-1] - first[0] > 50.0  # s: the initial rest
@@ -385,7 +387,7 @@ def test_the_real_unit_rests_38_times():
 def test_the_count_does_not_hang_on_the_threshold(monkeypatch, threshold):
     monkeypatch.setattr("gimbalcal.recording.detection.THRESHOLD", threshold)
     time, counts = accelerometers()
-    assert detect(time, dict(zip("xyz", counts.T, strict=True))).max() == 38
+    assert detect_rests(time, dict(zip("xyz", counts.T, strict=True))).max() == 38
 
 
 def test_a_file_of_a_unit_that_never_rests_says_so(tmp_path):

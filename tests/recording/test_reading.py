@@ -11,7 +11,7 @@ from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
 from gimbalcal.recording import Recording, Site, dwells, read, write
 from gimbalcal.recording.samples import batches, column
-from gimbalcal.recording.scatter import pooled
+from gimbalcal.recording.scatter import pooled_scatter
 from tests.golden import golden_text, refused
 from tests.paths import ROOT
 from tests.recording.folders import DWELL, HEADER, folder, refusal, rows, text
@@ -170,7 +170,7 @@ def test_scatter_sees_noise_and_not_the_sidereal_wave():
     time = 60.0 * np.arange(2880)
     sigma = 6e-5  # m/s^2, under a wave of 7.5 m/s^2
     force = 7.5 * np.cos(7.292115e-5 * time) + sigma * rng.standard_normal(2880)
-    seen = pooled(time, None, {("specific_force", "x"): force})["specific_force", "x"]
+    seen = pooled_scatter(time, None, {("specific_force", "x"): force})["specific_force", "x"]
     assert seen == pytest.approx(sigma, rel=0.08)  # 4 sigma of 2877 overlapping third differences (2 % each)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
 from gimbalcal.recording import Recording, Site, join, read, write
-from gimbalcal.recording.record import ANYWHERE
+from gimbalcal.recording.record import UNKNOWN_SITE
 from tests.golden import refused
 from tests.recording.folders import HEADER, folder
 
@@ -73,7 +73,7 @@ def test_what_is_written_is_read(tmp_path, recording, samples):
         close(again.channels[key], values)
 
 
-@pytest.mark.parametrize("site", [Site(), ANYWHERE], ids=["stated", "anywhere"])
+@pytest.mark.parametrize("site", [Site(), UNKNOWN_SITE], ids=["stated", "anywhere"])
 def test_gravity_that_was_stated_stays_exact_and_that_of_anywhere_uncertain(tmp_path, site):
     rest = Recording("multi-position", "rests", BENCH, site, {}, np.arange(3.0), np.arange(3) + 1, {
         ("specific_force", axis): np.full(3, 5.0) for axis in "xyz"

@@ -25,19 +25,19 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.gram import Gram, triangle_size
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.scale import LEAST, Channels, log_density_of_scale, log_norm
+from gimbalcal.diagnose.evidence.scale import MIN_MISFIT_SHARE, Channels, log_density_of_scale, log_norm
 from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.number import Array
 
-ALIKE = 0.5  # prior probability that all channels scatter alike
+EQUAL_SCATTER_PRIOR = 0.5  # prior probability that all channels scatter alike
 SPREAD = math.log(5.0)  # standard deviation of ln of a channel's scale about the common one
 STEP = 2.5  # standard deviations of the lattice's coordinates between its nodes
 MIN_DOF = 2.0  # that a model must leave of a channel whose scale is asked for
 ROUNDS = 8  # of weights by what they leave
-CONVERGED = 1e-3  # change of ln of a ratio of scales at which these end
-ACTIVE = 6.0  # nats behind the likeliest scales of a cause within which the nodes next to these are tried
-PROMISING = 30.0  # nats behind the strongest cause within which the scales of a cause are followed
-NEGLIGIBLE = 8.0  # nats behind the likeliest scales of every such cause beyond which a node is dropped
+SCALE_TOLERANCE = 1e-3  # change of ln of a ratio of scales at which these end
+ACTIVE_NATS = 6.0  # nats behind the likeliest scales of a cause within which the nodes next to these are tried
+PROMISING_NATS = 30.0  # nats behind the strongest cause within which the scales of a cause are followed
+NEGLIGIBLE_NATS = 8.0  # nats behind the likeliest scales of every such cause beyond which a node is dropped
 MAX_NODES = 150
 PRODUCTS = ("zz", "zx", "zy", "xx", "xy", "yy")
 
@@ -79,7 +79,7 @@ def log_odds(alike: tuple[Array, Array], own: tuple[Array, Array], sample: Seque
         each = sum(float(log_density_of_scale(s, a)) for s, a in zip(sigma, sample, strict=True))
         one = log_density_of_scale(np.sqrt(m / nu), float(np.sqrt(np.mean(np.square(sample)))))
         out += each - (C - 1) * log_norm(1.0) - float(one)
-    return out + math.log(1 - ALIKE) - math.log(ALIKE)
+    return out + math.log(1 - EQUAL_SCATTER_PRIOR) - math.log(EQUAL_SCATTER_PRIOR)
 
 
 def likeliest_scales(r: Array, J: Array, sample: Sequence[float] = ()) -> Array | None:
@@ -97,7 +97,7 @@ def likeliest_scales(r: Array, J: Array, sample: Sequence[float] = ()) -> Array 
         if not distinguishable(misfit, dof):
             return None
         alike, before, own = alike or (misfit, dof), own, np.sqrt(misfit / dof)
-        if np.ptp(np.log(own / before)) < CONVERGED:
+        if np.ptp(np.log(own / before)) < SCALE_TOLERANCE:
             break
     assert alike is not None
     return own if C > 1 and log_odds(alike, (misfit, dof), sample) > 0 else None
@@ -108,7 +108,7 @@ def distinguishable(misfit: Array, dof: Array) -> bool:
     if np.any(dof < MIN_DOF):
         return False
     variance = misfit / dof
-    return bool(np.all(variance > LEAST**2 * variance.max()))
+    return bool(np.all(variance > MIN_MISFIT_SHARE**2 * variance.max()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,12 +174,12 @@ class ChannelProducts:
     def noise(self, at: tuple[int, ...] | None) -> tuple[Node, Array]:
         """Return the noise of a node of the lattice, or where all channels scatter alike, and its ln scales (C,)."""
         if at is None:
-            share = ALIKE if self.likeliest is not None else 1.0
+            share = EQUAL_SCATTER_PRIOR if self.likeliest is not None else 1.0
             return self.node.of_scales(self.alike, math.log(share)), self.alike
         assert self.likeliest is not None
         centre, step = self.likeliest
         log_scales = centre + step * np.array(at) @ contrasts(len(centre))
-        own = 1.0 if self.node.channels else 1 - ALIKE
+        own = 1.0 if self.node.channels else 1 - EQUAL_SCATTER_PRIOR
         share = math.log(own) + len(at) * math.log(step) + log_prior_density(log_scales, self.channels)
         return self.node.of_scales(log_scales, share), log_scales
 
@@ -229,13 +229,13 @@ def promising_nodes(every: Sequence[ChannelProducts], scored: Callable[[Sequence
         new = scored(pending)
         scored_places, ln = [*scored_places, *pending], np.concatenate([ln.reshape(-1, new.shape[1]), new])
         top = ln.max(axis=0)
-        promising = top >= max(top[0], top.max() - PROMISING)
+        promising = top >= max(top[0], top.max() - PROMISING_NATS)
         behind = (top[promising] - ln[:, promising]).min(axis=1)
         known, pending = set(scored_places), []
         for (k, at), lag in zip(scored_places, behind, strict=True):
-            if at is not None and lag < ACTIVE and len(scored_places) + len(pending) < MAX_NODES:
+            if at is not None and lag < ACTIVE_NATS and len(scored_places) + len(pending) < MAX_NODES:
                 neighbours = ((k, tuple(np.add(at, d).tolist())) for d in steps)
                 pending += [p for p in neighbours if p not in known]
                 known |= set(pending)
-    kept = [p for p, lag in zip(scored_places, behind, strict=True) if p[1] is None or lag < NEGLIGIBLE]
+    kept = [p for p, lag in zip(scored_places, behind, strict=True) if p[1] is None or lag < NEGLIGIBLE_NATS]
     return sorted(kept, key=lambda p: (p[0], p[1] is not None, p[1] or ()))

@@ -24,9 +24,9 @@ from gimbalcal.diagnose.library.candidates import Layout
 from gimbalcal.inference.algebra import eigh, logsumexp, orthonormal
 from gimbalcal.number import Array
 
-ABSORBED = 1e-3  # a column of which less is left rests on second-order terms and on noise in its own inputs
+MIN_SHARE_OF_COLUMN = 1e-3  # a column of which less is left rests on second-order terms and on noise in its own inputs
 CHUNK = 64  # columns
-SPARE = 200  # columns that may be put behind others later: memory that is not written takes none
+SPARE_COLUMNS = 200  # columns that may be put behind others later: memory that is not written takes none
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def append_columns(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
 def without_calibration(Q: Array, X: Array) -> Array:
     """X (R, P) cleared of the calibration, and zero where that leaves nothing to speak of."""
     remainder = X - Q @ (Q.T @ X)
-    visible = np.linalg.norm(remainder, axis=0) > ABSORBED * np.linalg.norm(X, axis=0)
+    visible = np.linalg.norm(remainder, axis=0) > MIN_SHARE_OF_COLUMN * np.linalg.norm(X, axis=0)
     return np.asarray(np.where(visible, remainder, 0.0))
 
 
@@ -132,7 +132,7 @@ def project_all(
         return _of_channel_scales(nodes, rows, rows.scale.channels, layout)
     if before and triangle_size(rows.P) <= len(before[0].G.triangle):
         return tuple(grown_projection(p, rows) for p in before)
-    room = np.empty((len(nodes), triangle_size(rows.P + SPARE)))
+    room = np.empty((len(nodes), triangle_size(rows.P + SPARE_COLUMNS)))
     return tuple(project(node, rows, own) for node, own in zip(nodes, room, strict=True))
 
 

@@ -29,10 +29,12 @@ NEAR_PRIOR = np.array([0.15, 0.2, 0.25, 0.2, 0.12, 0.08])
 ANY_SIZE = np.geomspace(1e-4, 1e3, 29)  # fine enough that confounded causes of different plausible sizes fit alike
 RATIOS = np.geomspace(1e-3, 1e5, 17)  # prior sigmas per sigma of a noise of any scale
 ANY_RATIO = np.geomspace(1e-4, 1e6, 41)
-LOOSER = 2  # steps of the ratio, a factor of ten, that a cause may need beside others: they may leave much less noise
+SCALE_STEPS_BELOW = (
+    2  # steps of the ratio, a factor of ten, that a cause may need beside others: they may leave much less noise
+)
 WANDERS = 1.0  # mean of ln(noise between rows / scatter of their samples) where it is more
-OVERRATED = 0.3  # the same where it is less: a hand that trembles is no noise of the mean
-LEAST = 0.003  # of the rms misfit: a cause may take away all but 1 / 300 of it
+OVERRATED_RATIO = 0.3  # the same where it is less: a hand that trembles is no noise of the mean
+MIN_MISFIT_SHARE = 0.003  # of the rms misfit: a cause may take away all but 1 / 300 of it
 
 
 @dataclass(frozen=True)
@@ -57,12 +59,12 @@ class Channels:
 def log_density_of_scale(sigma: Array, sample: float, fresh: float = 1.0) -> Array:
     """Return ln of the density of ln(sigma) by the samples, without its norm: see `Free`."""
     above = np.log(sigma / sample)
-    return np.asarray(-np.maximum(above, 0.0) / WANDERS - np.maximum(-above - np.log(fresh), 0.0) / OVERRATED)
+    return np.asarray(-np.maximum(above, 0.0) / WANDERS - np.maximum(-above - np.log(fresh), 0.0) / OVERRATED_RATIO)
 
 
 def log_norm(fresh: float) -> float:
     """Return ln of the integral of `log_density_of_scale`."""
-    return float(np.log(WANDERS + OVERRATED - np.log(fresh)))
+    return float(np.log(WANDERS + OVERRATED_RATIO - np.log(fresh)))
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ class Free:
     channels: Channels | None = None  # that may have scales of their own
     sizes: ClassVar[Array] = RATIOS
     any_size: ClassVar[Array] = ANY_RATIO
-    looser: ClassVar[tuple[int, ...]] = (0, LOOSER)
+    looser: ClassVar[tuple[int, ...]] = (0, SCALE_STEPS_BELOW)
 
     def with_memory(self, fresh: float) -> Free:
         """Return the scale in a noise in which this share of a row's variance is new."""
@@ -136,7 +138,7 @@ class Free:
     def sigma(self, misfit: Array) -> Array:
         """The likeliest scale where this misfit (...) is left."""
         dof = max(self.dof, 1)
-        return np.sqrt(np.maximum(misfit / dof, LEAST**2))
+        return np.sqrt(np.maximum(misfit / dof, MIN_MISFIT_SHARE**2))
 
     def log_likelihood(self, misfit: Array) -> Array:
         """ln L of what is left (...), up to a constant."""

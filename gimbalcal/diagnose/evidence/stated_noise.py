@@ -32,12 +32,12 @@ SETTING = (0.5, 0.71, 1.0, 1.41, 2.0, 2.83)  # times the stated setting repeatab
 SETTING_PRIOR = (0.05, 0.15, 0.40, 0.22, 0.12, 0.06)
 WALK = (0.0, 1.0, 2.5, 6.0)  # random walk over the whole recording, in sigmas of a dwell mean (or of an hour's mean)
 WALK_PRIOR = (0.85, 0.07, 0.05, 0.03)
-OFTEN = 0.15  # prior of a setting repeatability from which it is tried beside them
-SLOW = 160  # cosine modes; the strongest walk of the grid adds 2 % to white noise there
-LOST = 0.5  # nats of the likelihood of a walk that shows beyond them, to which more of them are taken
-FEW = 30  # rows inside dwells below which the stated noise is better than what they show
-UNSEEN = 1e-3  # sigmas of a mean: products of setting errors below are none, as those of arcseconds are
-HEAVY = 0.6  # excess kurtosis above which rows are weighted
+SETTING_PRIOR_SHARE = 0.15  # prior of a setting repeatability from which it is tried beside them
+SLOW_MODES = 160  # cosine modes; the strongest walk of the grid adds 2 % to white noise there
+LOST_NATS = 0.5  # nats of the likelihood of a walk that shows beyond them, to which more of them are taken
+MIN_ROWS_INSIDE = 30  # rows inside dwells below which the stated noise is better than what they show
+NEGLIGIBLE_SETTING = 1e-3  # sigmas of a mean: products of setting errors below are none, as those of arcseconds are
+HEAVY_KURTOSIS = 0.6  # excess kurtosis above which rows are weighted
 NEIGHBOURS = 15  # rows of a static run in which a level is followed: a quarter of an hour of minute means
 
 
@@ -48,12 +48,12 @@ def scale_to_scatter(o: Fit) -> Fit:
     What was measured stays as it is: y and its derivatives change by the unit of a channel alone.
     """
     fast = rows_within_blocks(o)
-    if len(fast) < FEW:
+    if len(fast) < MIN_ROWS_INSIDE:
         return o
     scale, plain = np.median(np.abs(fast), axis=0) / 0.6745, fast.std(axis=0)
     scale, plain = (np.where(a > 0, a, 1.0) for a in (scale, plain))  # a channel that always reads the same
     kurtosis, weight = float(np.mean(excess_kurtosis(fast / scale))), None
-    if kurtosis > HEAVY:
+    if kurtosis > HEAVY_KURTOSIS:
         static = o.view.kind.stabilised
         robust = huber_weights(
             o.residual, np.arange(len(o.residual)) // NEIGHBOURS if static else o.view.noise.block, scale
@@ -113,7 +113,8 @@ def single_walks_of_stated_noise(o: Fit) -> tuple[Node, ...]:
         ])  # fmt: skip
     return _of_dwells(o, [
         (s, w, share * ps, a)
-        for a in (*axes, "") for s, ps in zip(SETTING, SETTING_PRIOR, strict=True) if ps >= OFTEN for w in SINGLE_WALK
+        for a in (*axes, "") for s, ps in zip(SETTING, SETTING_PRIOR,
+        strict=True) if ps >= SETTING_PRIOR_SHARE for w in SINGLE_WALK
     ])  # fmt: skip
 
 
@@ -180,7 +181,7 @@ def setting_is_second_order(o: Fit) -> bool:
 
 
 def shows_along_force(along: Array, short: SettingError) -> bool:
-    return bool(np.abs(along).max(initial=0.0) * one_sigma((short,)) > UNSEEN)
+    return bool(np.abs(along).max(initial=0.0) * one_sigma((short,)) > NEGLIGIBLE_SETTING)
 
 
 def dwell_noise(o: Fit, setting: float, walk: float) -> Mapping[str, Noise]:
@@ -222,8 +223,8 @@ def slow_modes(o: Fit, walk: float) -> int:
     """
     n = len(o.residual)
     hours = float(np.median(np.diff(o.view.stimulus.time))) * n / 3600.0
-    shown = int(np.ceil(((hours * walk**2 / np.pi**2) ** 2 / (12 * LOST)) ** (1 / 3)))
-    return min(n, max(SLOW, shown)) if shown < n / 2 else n  # the fastest modes show it more than 1 / k^2
+    shown = int(np.ceil(((hours * walk**2 / np.pi**2) ** 2 / (12 * LOST_NATS)) ** (1 / 3)))
+    return min(n, max(SLOW_MODES, shown)) if shown < n / 2 else n  # the fastest modes show it more than 1 / k^2
 
 
 def spectral_noise(o: Fit, processes: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:

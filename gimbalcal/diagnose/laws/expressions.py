@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gimbalcal.diagnose.library.variables import CENTRED, Variable, variables
+from gimbalcal.diagnose.library.variables import CENTRED_GROUPS, Variable, variables
 from gimbalcal.effects import Stimulus
 from gimbalcal.effects.grids import highest_order
 from gimbalcal.number import Array
@@ -32,18 +32,18 @@ CYCLES, FAST = 30, 150  # waves over the recording, in half turns: in products, 
 SLOW_WAVES = 16  # half turns over the range of a variable other than time
 ORDERS = 8  # harmonics of an angle at the most
 PLACES, WIDTHS = 9, (0.04, 0.12, 0.35)  # of steps and bumps, in shares of the range of a variable
-AS_ONE = 0.9999  # share of the variance of a variable that another says, from which they are one
+SAME_VARIABLE_SHARE = 0.9999  # share of the variance of a variable that another says, from which they are one
 KNOTS, KNOTS_OF_PRODUCT = (4, 6, 9, 13, 19), 6  # of a table, and of one in a product at the most
 CYCLIC = 3  # harmonics of a cycle of any shape
-CLEAR = 0.05  # sine of an angle, below which its cosecant is none of a mount
+MIN_SINE = 0.05  # sine of an angle, below which its cosecant is none of a mount
 COEFFICIENTS = 8  # of a law that is no table, at the most
 ONSETS = (0.5, 1.5, 2.0, 3.0)  # powers behind a threshold
 CHIRPS = (1, 2, 3, 4, 6, 8, 12)  # turns that a chirp gains or loses over the recording
 PULSES, PHASES = np.cos(np.pi * np.arange(1, 8) / 8).tolist(), 24  # levels above which a cosine is a pulse; its phases
 HARMONIC = 4  # of a pulse, the highest that may show most
-TURNED = 0.9 * 2 * np.pi  # of the phase of a wave: where it does not come round, its shape is not to be seen
+MIN_PHASE_RANGE = 0.9 * 2 * np.pi  # of the phase of a wave: where it does not come round, its shape is not to be seen
 POWERS = (0.5, 1.5, 2.5, 4.0)  # of the size of a variable, from which a search starts
-VARIED = (0.25, 0.5, 0.8, 1.25, 2.0, 4.0)  # times a constant: where else a law may be
+VARIED_FACTORS = (0.25, 0.5, 0.8, 1.25, 2.0, 4.0)  # times a constant: where else a law may be
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ FORMS = {
         Form("table", _table, (), ()),
     )
 }  # fmt: skip
-ALONE = {
+SINGLE_FORMS = {
     "force": ("x", "x^2", "x^3", "|x|", "power", "beyond", "wave", "above", "step", "knee"),
     "angle": ("harmonic", "cosecant", "above", "step", "bump", "beyond", "onset", "end"),
     "rate": ("x", "x^2", "x^3", "|x|", "power", "beyond", "above", "step", "knee"),
@@ -184,7 +184,7 @@ ALONE = {
     "course": ("x", "x^2", "x^3", "|x|", "above"),
     "move": ("x", "|x|", "power", "step"),
 }  # fmt: skip # of a variable of each group by itself
-MULTIPLIED = {
+PRODUCT_FORMS = {
     "force": ("x", "x^2", "x^3", "|x|", "wave", "above"),
     "angle": ("harmonic", "above"),
     "rate": ("x", "x^2", "x^3", "|x|", "above"),
@@ -243,7 +243,7 @@ class Term:
     @property
     def free_origin(self) -> bool:
         """Return whether a constant stands with the columns in a product, since the variable has no natural zero."""
-        powers = self.form.key in ("x", "to x^2", "to x^3", "knee") and self.variable.group in CENTRED
+        powers = self.form.key in ("x", "to x^2", "to x^3", "knee") and self.variable.group in CENTRED_GROUPS
         return powers or self.form.key == "table"
 
     @property
@@ -270,7 +270,7 @@ class Term:
     def unit_of(self, i: int) -> str:
         """The unit of constant i in print."""
         unit, of = self.variable.unit, self.form.constants[i].of
-        return "" if not of or not unit else unit if of == "x" else f"1/{whole(unit)}"
+        return "" if not of or not unit else unit if of == "x" else f"1/{unit_as_factor(unit)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,7 +356,7 @@ class Expression:
         out = [self]
         for i, j, value in self.smooth():
             if self.terms[i].form.constants[j].kind == "size":
-                out += [self.at([(i, j, value * by)]) for by in VARIED]
+                out += [self.at([(i, j, value * by)]) for by in VARIED_FACTORS]
         return out
 
     def smooth(self) -> list[tuple[int, int, float]]:
@@ -396,7 +396,7 @@ class TermGroup:
 Family = tuple[TermGroup, ...]  # expressions that differ in constants alone: any term of one times any of the next
 
 
-def terms(v: Variable, s: Stimulus, keys: Sequence[str], rows: Array | slice = slice(None)) -> list[Term]:
+def terms_of_variable(v: Variable, s: Stimulus, keys: Sequence[str], rows: Array | slice = slice(None)) -> list[Term]:
     """Return every term of a variable in these forms, with every constant of its grid, at some `rows`."""
     out = []
     here = replace(v, x=v.x[rows])
@@ -426,11 +426,11 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
         "rising": chirps,
         "falling": chirps,
         "growth": lambda: [(sign * tau,) for tau in np.geomspace(span / 6, 2 * span, 5) for sign in (1, -1)],
-        "cosecant": lambda: [()] if np.abs(np.sin(v.x)).min() > CLEAR else [],
+        "cosecant": lambda: [()] if np.abs(np.sin(v.x)).min() > MIN_SINE else [],
         "onset": lambda: [(c, p) for c in (low - span / 3, *places) for p in ONSETS],
         "end": lambda: [(c, p) for c in (*places, high + span / 3) for p in ONSETS],
-        "shock": lambda: [(c, span * part) for c in _levels(v, s) for part in (0.02, 0.05, 0.12, 0.3)],
-        "window": lambda: list(itertools.combinations(_levels(v, s), 2)),
+        "shock": lambda: [(c, span * part) for c in threshold_levels(v, s) for part in (0.02, 0.05, 0.12, 0.3)],
+        "window": lambda: list(itertools.combinations(threshold_levels(v, s), 2)),
         "ring": lambda: [(np.pi * k / span, span * part) for k in range(2, CYCLES + 1) for part in (0.08, 0.2, 0.5)],
         "fade": lambda: [(tau,) for tau in np.geomspace(max(2 * _spacing(v.x), span / 50), 1.5 * span, 7)],
         "log": lambda: [(tau,) for tau in np.geomspace(span / 300, span, 6)],
@@ -439,7 +439,7 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
         "knee": lambda: [(c,) for c in places],
         "step": lambda: [(c, span * w) for c in places for w in WIDTHS],
         "bump": lambda: [(c, span * w) for c in places for w in WIDTHS],
-        "above": lambda: [(c,) for c in _levels(v, s)],
+        "above": lambda: [(c,) for c in threshold_levels(v, s)],
     }
     return list(grids[form.key]()) if form.key in grids else [()]
 
@@ -448,7 +448,7 @@ def _spacing(x: Array) -> float:
     return float(np.median(np.diff(np.unique(x))))
 
 
-def _levels(v: Variable, s: Stimulus) -> list[float]:
+def threshold_levels(v: Variable, s: Stimulus) -> list[float]:
     """Thresholds: between the levels that a variable takes, or between visits."""
     if v.group == "time":
         starts = s.time[np.flatnonzero(np.diff(s.visit)) + 1]
@@ -462,34 +462,34 @@ def _levels(v: Variable, s: Stimulus) -> list[float]:
     return list(middle[np.unique(np.linspace(0, len(middle) - 1, min(len(middle), LEVELS)).round().astype(int))])
 
 
-def grids(own: Iterable[Term]) -> list[TermGroup]:
+def families(own: Iterable[Term]) -> list[TermGroup]:
     """Return successive terms of one family together."""
     return [TermGroup(tuple(alike)) for _, alike in itertools.groupby(own, key=lambda t: t.family)]
 
 
-def pairs(every: Sequence[Sequence[Term]]) -> list[Family]:
+def term_pairs(every: Sequence[Sequence[Term]]) -> list[Family]:
     """Return the products of each term with all terms of the variables behind its own.
 
     Fast waves are multiplied by the variables themselves alone. What goes with a variable throughout, as the hour angle
     of a mount that tracks goes with time, is no other one: such a product is any function of one variable.
     """
     every = [own for own in every if own]
-    slow, out = [grids(t for t in own if not _fast(t)) for own in every], list[Family]()
+    slow, out = [families(t for t in own if not is_fast(t)) for own in every], list[Family]()
     for i, own in enumerate(every):
         other = [k for k in range(len(every)) if k != i and not _as_one(own[0].variable, every[k][0].variable)]
         plain = [o for k in other for o in slow[k] if o.terms[0].form.key == "x"]
         out += [(grid, o) for grid in slow[i] for k in other if k > i for o in slow[k]]
-        out += [(grid, o) for grid in grids(t for t in own if _fast(t)) for o in plain]
+        out += [(grid, o) for grid in families(t for t in own if is_fast(t)) for o in plain]
     return out
 
 
 def _as_one(u: Variable, v: Variable) -> bool:
     """Return whether two variables go with each other throughout a recording."""
     a, b = (w.x - w.x.mean() for w in (u, v))
-    return bool((a @ b) ** 2 > AS_ONE * (a @ a) * (b @ b))
+    return bool((a @ b) ** 2 > SAME_VARIABLE_SHARE * (a @ a) * (b @ b))
 
 
-def triples(every: Sequence[Sequence[Term]]) -> list[Family]:
+def term_triples(every: Sequence[Sequence[Term]]) -> list[Family]:
     """Products of three variables as they are, of angles the first harmonic."""
     plain = [TermGroup((t,)) for own in every for t in own if t.variable.group != "move"
              and (t.form.key == "x" or (t.form.key == "harmonic" and t.constants == (1,)))]  # fmt: skip
@@ -497,7 +497,7 @@ def triples(every: Sequence[Sequence[Term]]) -> list[Family]:
         _as_one(a.terms[0].variable, b.terms[0].variable) for a, b in itertools.combinations(law, 2))]  # fmt: skip
 
 
-def tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[Family]:
+def free_tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[Family]:
     """Return free functions of each variable, as tables between knots; where asked for, times a force or a rate too.
 
     They stand for what no closed form says. Knots are even in the ranks of the values, so that each has data.
@@ -511,12 +511,12 @@ def tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[
             if len(knots) == n and np.diff(knots).min() > 1e-3 * np.ptp(v.x):
                 table = TermGroup((Term(here, FORMS["table"], tuple(knots.tolist()), len(KNOTS)),))
                 out.append((table,))
-                if products and v.group in CENTRED and n <= KNOTS_OF_PRODUCT:
+                if products and v.group in CENTRED_GROUPS and n <= KNOTS_OF_PRODUCT:
                     out += [(table, u) for u in plain]
     return out
 
 
-def relatives(e: Expression, several: bool) -> list[Family]:
+def richer_forms(e: Expression, several: bool) -> list[Family]:
     """Return laws with a richer form in the place of one of a law: what a wave, a threshold or a size may really be.
 
     Beside a free origin, and at `several` axes, a wave may also have one phase in common.
@@ -528,7 +528,9 @@ def relatives(e: Expression, several: bool) -> list[Family]:
         if t.form.key in ("wave", "harmonic"):
             k, of_angle = t.constants[0], t.variable.group == "angle"
             phases = 2 * np.pi * np.arange(PHASES) / PHASES
-            slower = [k / n for n in range(1, HARMONIC + 1) if (not of_angle or k % n == 0) and k / n * span > TURNED]
+            slower = [
+                k / n for n in range(1, HARMONIC + 1) if (not of_angle or k % n == 0) and k / n * span > MIN_PHASE_RANGE
+            ]
             variants += [Term(t.variable, FORMS["pulse"], (c, p, q), PHASES * len(PULSES) * HARMONIC)
                          for c in slower for p in phases for q in PULSES]  # fmt: skip
             if several or any(other.free_origin for other in e.terms if other is not t):
@@ -544,15 +546,17 @@ def relatives(e: Expression, several: bool) -> list[Family]:
             variants += [Term(t.variable, FORMS["step"], (*t.constants, span * w), t.tried * 3) for w in WIDTHS]
         elif t.form.key == "|x|" and t.variable.group in ("force", "rate"):
             variants += [Term(t.variable, FORMS["power"], (p,), 4) for p in (0.5, 1.5, 2.5)]
-        out += [tuple(grid if k == i else TermGroup((o,)) for k, o in enumerate(e.terms)) for grid in grids(variants)]
+        out += [
+            tuple(grid if k == i else TermGroup((o,)) for k, o in enumerate(e.terms)) for grid in families(variants)
+        ]
     return out
 
 
-def _fast(t: Term) -> bool:
+def is_fast(t: Term) -> bool:
     return t.form.key == "wave" and t.constants[0] * float(np.ptp(t.variable.x)) > (CYCLES + 0.5) * np.pi
 
 
-def between(t: Term, k: int) -> list[Term]:
+def moved_threshold(t: Term, k: int) -> list[Term]:
     """Threshold k of a term moved as far as the next ones of its grid, in steps; no other constant."""
     constant = t.form.constants[k] if t.form.constants else None
     if constant is None or (constant.kind, constant.of) != ("fixed", "x") or t.variable.group == "course":
@@ -563,6 +567,6 @@ def between(t: Term, k: int) -> list[Term]:
     return [m for m in neighbours if np.ptp(m.columns) > 0]
 
 
-def whole(unit: str) -> str:
+def unit_as_factor(unit: str) -> str:
     """A unit as one factor."""
     return f"({unit})" if "/" in unit else unit

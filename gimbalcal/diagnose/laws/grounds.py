@@ -22,16 +22,16 @@ from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
 
 STRETCHES = 300  # in which a run, or a table, is looked at first
-FEWER = 150  # the same of six sensors at once
+SIX_SENSOR_STRETCHES = 150  # the same of six sensors at once
 CHANNEL = {Stage.ACCELEROMETER: "specific_force", Stage.GYROSCOPE: "angular_rate", Stage.ENCODER: "gimbal_angle"}
 
 
-def stretches(n: int, most: int = STRETCHES) -> Array:
+def equal_stretches(n: int, most: int = STRETCHES) -> Array:
     """Ordinals (n,) of at most so many equal stretches."""
     return np.arange(n) * min(n, most) // n
 
 
-def ground(s: Search, node: Node, sigma: float = 1.0) -> Ground | None:
+def ground_of_search(s: Search, node: Node, sigma: float = 1.0) -> Ground | None:
     """Return the sensors and gimbals whose additions the rows of a search show, in its likeliest noise; or None.
 
     sigma: of a row, in the unit of reduced rows.
@@ -55,7 +55,7 @@ def _places(fit: Fit) -> list[Place]:
     """Return sensors and gimbals whose additions a view shows: in its channels, or in a navigator's behind them."""
     v = fit.view
     if v.added is not None:
-        s, block = v.stimulus, stretches(len(v.stimulus.time), FEWER)
+        s, block = v.stimulus, equal_stretches(len(v.stimulus.time), SIX_SENSOR_STRETCHES)
         sensors = [(q, a, partial(v.added, q, a)) for q in v.measurement.acts_on for a in "xyz"]
         return [Place(q, a, variables(s), s, block, columns) for q, a, columns in sensors]
     rows, out = fit.rows, list[Place]()
@@ -63,7 +63,7 @@ def _places(fit: Fit) -> list[Place]:
         if quantity not in v.measurement.acts_on or stage not in rows.sensitivity:
             continue
         s, gimbals = rows.seen[stage], stage is Stage.ENCODER
-        block = v.noise.block if len(v.noise.block) else stretches(len(s.time))
+        block = v.noise.block if len(v.noise.block) else equal_stretches(len(s.time))
         names = v.stimulus.axis_names if gimbals else tuple("xyz")
         # the norm of the force shows each accelerometer, gravity after a turn each gyroscope
         own = {a for q, a in v.channels if q == quantity and a in names} or set(names)
@@ -73,7 +73,7 @@ def _places(fit: Fit) -> list[Place]:
     return out
 
 
-def together(each: Sequence[Ground]) -> Ground:
+def ground_of_unit(each: Sequence[Ground]) -> Ground:
     """Several recordings of one unit as one: a law has one form and one set of constants in all of them.
 
     Calibration and noise are each recording's own, so rows stand one after the other and Bayes factors multiply. A

@@ -14,14 +14,24 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.noises import possible_noises
-from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER, UNKNOWN
+from gimbalcal.diagnose.evidence.odds import CLAIM, SEPARATION_EVIDENCE, UNKNOWN
 from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.grounds import with_law
 from gimbalcal.diagnose.laws.law_curve import with_curves
-from gimbalcal.diagnose.laws.law_file import STAGES, found, printed
-from gimbalcal.diagnose.laws.law_search import ABSORBED, SAME, Ground, Law, aliases, centred, free, response_of, trimmed
-from gimbalcal.diagnose.laws.model_comparison import NAMED, Beside, compared
+from gimbalcal.diagnose.laws.law_file import STAGES, found_law, printed_form
+from gimbalcal.diagnose.laws.law_search import (
+    MIN_SHARE_OF_COLUMN,
+    SAME_CORRELATION,
+    Ground,
+    Law,
+    aliases,
+    centred_jumps,
+    free_numbers,
+    response_of,
+    trimmed_law,
+)
+from gimbalcal.diagnose.laws.model_comparison import NAME_ODDS, Beside, compare_models
 from gimbalcal.diagnose.library.candidates import Candidate, SelectedCause
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
@@ -30,7 +40,7 @@ from gimbalcal.diagnose.search.refit import fitted_columns, with_columns
 from gimbalcal.diagnose.search.stepwise import Key, SearchResult, with_causes
 from gimbalcal.diagnose.verdict.agreement import disagreement_sentence, inverse_of, mean_of
 from gimbalcal.diagnose.verdict.decide import Decision, decide_unnamed, noise_gain
-from gimbalcal.diagnose.verdict.mismatch import LEFT, scan_data
+from gimbalcal.diagnose.verdict.mismatch import CLEAN_PROBABILITY, scan_data
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
 from gimbalcal.diagnose.verdict.separation import expected_ln_bayes, fastest_manoeuvre
 from gimbalcal.diagnose.verdict.verify import residual_rows, row_sigma, verify
@@ -43,11 +53,11 @@ from gimbalcal.words import law_sentences
 from gimbalcal.words.diagnosis_sentences import misheld_positions, repeat_advice, separation_advice
 from gimbalcal.words.naming import without_underscores
 
-MOST = 3  # laws of one view
+MAX_LAWS = 3  # laws of one view
 NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is taken, of as many the likeliest
 MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
 MIN_EXPLAINED_ALONE = 0.5  # of the same, that a law has to explain where nothing known does
-COMPARED = 12  # formulas that together are compared with causes
+MAX_COMPARED_LAWS = 12  # formulas that together are compared with causes
 MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formula beside them
 SAME_COLUMN = 1e-3  # of a column, which a formula that spans the rest of it holds
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
@@ -72,24 +82,24 @@ class Lawful:
     known: tuple[SelectedCause, ...] = ()  # causes of the catalogue that explain a view as well as the best formula
 
 
-def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
+def chosen_law(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
     """The law to be stated, a closed form before a table, and those that are nearly as likely; none where none is near.
 
     shape: ln evidence of the best shape without a cause.
     """
-    if not laws or laws[0].evidence < max(CLAIM, shape - TOGETHER):
+    if not laws or laws[0].evidence < max(CLAIM, shape - SEPARATION_EVIDENCE):
         return None, []
-    likely = [trimmed(g, law) for law in laws if law.evidence > laws[0].evidence - 2 * TOGETHER]
+    likely = [trimmed_law(g, law) for law in laws if law.evidence > laws[0].evidence - 2 * SEPARATION_EVIDENCE]
     likely = sorted((law for law in likely if not law.expression.simpler), key=lambda law: -law.posterior) or likely
-    equivalent = [law for law in likely if law.posterior > likely[0].posterior - TOGETHER]
+    equivalent = [law for law in likely if law.posterior > likely[0].posterior - SEPARATION_EVIDENCE]
     closed = [law for law in equivalent if not any(t.form.key == "table" for t in law.expression.terms)]
     first = [law for law in closed if not law.wants_another_form] or closed or equivalent
     first = [law for law in first if law.posterior > first[0].posterior - NEARLY_BEST_NATS]
-    shortest = min(first, key=lambda law: (free(law), len(law.expression.terms), -law.posterior))
-    best, rivals, others = centred(g, shortest), [law for law in equivalent if law is not shortest], list[Law]()
+    shortest = min(first, key=lambda law: (free_numbers(law), len(law.expression.terms), -law.posterior))
+    best, rivals, others = centred_jumps(g, shortest), [law for law in equivalent if law is not shortest], list[Law]()
     responses = {law: response_of(g, law) for law in (best, *rivals)}
     for law in rivals:
-        alike = (o for o in (best, *others) if responses[o] @ responses[law] > SAME)
+        alike = (o for o in (best, *others) if responses[o] @ responses[law] > SAME_CORRELATION)
         if not any(_is_only_longer(law, known) or _forms(law) == _forms(known) for known in alike):
             others.append(law)
     return best, [*others, *aliases(g, best)]
@@ -98,7 +108,7 @@ def chosen(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, li
 def _is_only_longer(law: Law, known: Law) -> bool:
     """Return whether a law has more numbers than a known one that follows nothing else."""
     of, own = ({v.name for v in one.expression.variables} for one in (known, law))
-    return of <= own and free(law) > free(known)
+    return of <= own and free_numbers(law) > free_numbers(known)
 
 
 def _forms(law: Law) -> list[tuple[str, str]]:
@@ -106,11 +116,11 @@ def _forms(law: Law) -> list[tuple[str, str]]:
     return [(t.form.key, t.variable.name) for t in law.expression.terms]
 
 
-def undetermined(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: str) -> str:
+def what_would_determine(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: str) -> str:
     """Return what would determine a law where these data do not, in a sentence."""
     s = g.places[0].stimulus
     if others and laws:
-        alike = "; ".join(dict.fromkeys(printed(law) for law in [laws[0], *others][:3]))
+        alike = "; ".join(dict.fromkeys(printed_form(law) for law in [laws[0], *others][:3]))
         names = list(dict.fromkeys(v.name for law in [laws[0], *others] for v in law.expression.variables))
         spread = ", ".join(n.replace("_", " ") for n in names[:5])
         return law_sentences.SEVERAL_FORMULAS.format(more=_more(kind), names=spread, alike=alike)
@@ -123,7 +133,7 @@ def _more(kind: str) -> str:
     return "further " + {"pointing": "stars", "static-run": "hours"}.get(kind, "positions")
 
 
-def lawful(ranked: Ranking, d: Decision, seed: int, progress: Progress, instead: Sequence[int] = ()) -> Lawful:
+def law_of_misfit(ranked: Ranking, d: Decision, seed: int, progress: Progress, instead: Sequence[int] = ()) -> Lawful:
     """Return a formula for what no cause explains, in the noise that the likeliest shape leaves in each recording.
 
     Where positions of one recording were not held as read, that is a fault and no law. ranked: all that was weighed;
@@ -132,7 +142,7 @@ def lawful(ranked: Ranking, d: Decision, seed: int, progress: Progress, instead:
     if d.verdict != "unexplained":
         return Lawful()
     progress(law_sentences.SEARCHING_REPLACEMENT if instead else law_sentences.SEARCHING)
-    fault = bool(misheld(ranked, d.verdict))
+    fault = bool(misheld_sentences(ranked, d.verdict))
     if fault and len(ranked.searches) == 1:
         return Lawful(recommend=law_sentences.REPEAT_POSITIONS)
     nodes = [fit_causes(s, ranked.within(d.shapes, k)[:1]).projection.node for k, s in enumerate(ranked.searches)]
@@ -150,7 +160,7 @@ def beyond_walk(
     common: the ranking without noises in which a single sensor walks. A walk has no formula.
     """
     none = decide_unnamed(common)
-    law = lawful(common, none, seed, progress)
+    law = law_of_misfit(common, none, seed, progress)
     none = none if law.laws or common.ln_total >= CLAIM else replace(none, shapes=())
     return none, *against_walk(law, walk, repeat_advice(common.searches[0].fit.view.kind.stabilised))
 
@@ -164,7 +174,7 @@ def against_walk(law: Lawful, walk: RandomWalkFinding, advice: str) -> tuple[Law
     return law if odds > -CLAIM else Lawful(recommend=law.recommend or advice), odds
 
 
-def misheld(ranked: Ranking, verdict: str) -> str:
+def misheld_sentences(ranked: Ranking, verdict: str) -> str:
     """Return sentences on positions that were not held where the readouts say, which is a fault and no physics."""
     if verdict != "unexplained":
         return ""
@@ -181,40 +191,42 @@ def law_of_searches(
     law then has to be 1000 times as likely, and they are doubtful where formulas together are likelier.
     """
     searches = ranked.searches
-    b = _sought(ranked, nodes, alone=bool(instead))
+    b = laws_and_noises(ranked, nodes, alone=bool(instead))
     g, every = b.ground, b.laws
     best_else = _best_else(ranked)
-    best, others = chosen(g, every, best_else + (TOGETHER + NAMED) * bool(instead) - b.ln_known)
+    best, others = chosen_law(g, every, best_else + (SEPARATION_EVIDENCE + NAME_ODDS) * bool(instead) - b.ln_known)
     if best is None and instead:
-        rivals = [law.evidence for law in _rivals_of_members(ranked, instead, every[:COMPARED])]
+        rivals = [law.evidence for law in _rivals_of_members(ranked, instead, every[:MAX_COMPARED_LAWS])]
         return Lawful(formula_is_likelier=bool(rivals) and float(logsumexp(np.array(rivals))) > best_else)
-    if best is not None and not instead and (as_likely := _known(ranked, b.total)):
+    if best is not None and not instead and (as_likely := known_causes_as_likely(ranked, b.total)):
         return Lawful(
             (),
-            law_sentences.KNOWN_CAUSE.format(more=_more(searches[0].fit.view.kind), names=as_likely, law=printed(best)),
+            law_sentences.KNOWN_CAUSE.format(
+                more=_more(searches[0].fit.view.kind), names=as_likely, law=printed_form(best)
+            ),
         )
     likely = best or next(iter(others and every), None)
     if likely is None:
-        return Lawful((), undetermined(every, others, g, searches[0].fit.view.kind))
+        return Lawful((), what_would_determine(every, others, g, searches[0].fit.view.kind))
     fits = [_law_in_recording(s, own, columns, rng)
             for s, own, columns in zip(searches, b.searches, g.parts(likely.columns), strict=True)]  # fmt: skip
     x, C, agree = mean_of([(h.x, h.weight) for h in fits])
     lead = max(range(len(fits)), key=lambda k: float(x @ fits[k].weight @ x))
     advice = separating_manoeuvre(searches[lead].fit, likely, x, others[0], asked=best is None) if others else ""
     if best is None:
-        return Lawful((), f"{undetermined(every, others, g, searches[0].fit.view.kind)}. {advice}")
+        return Lawful((), f"{what_would_determine(every, others, g, searches[0].fit.view.kind)}. {advice}")
     if disagreement_sentence(agree, ""):
-        return Lawful((), law_sentences.DIFFERENT_SIZES.format(law=printed(best)))
+        return Lawful((), law_sentences.DIFFERENT_SIZES.format(law=printed_form(best)))
     before, after = (float(np.average([getattr(h.checked, w) for h in fits], weights=[len(s.rows.Q) for s in searches]))
                      for w in ("heldout_before", "heldout_after"))  # fmt: skip
     least = MIN_EXPLAINED if instead else MIN_EXPLAINED_ALONE
     if after >= before or any(h.checked.explained < least for h in fits):
-        return Lawful((), law_sentences.LACK_OF_FIT.format(law=printed(best)), formula_is_likelier=True)
-    # once in 1 / LEFT by chance, of the scan as of another noise
-    if any(h.left < LEFT or h.strained >= -np.log(LEFT) for h in fits):
-        advice = advice or law_sentences.LACK_OF_FIT.format(law=printed(best))
+        return Lawful((), law_sentences.LACK_OF_FIT.format(law=printed_form(best)), formula_is_likelier=True)
+    # once in 1 / CLEAN_PROBABILITY by chance, of the scan as of another noise
+    if any(h.left < CLEAN_PROBABILITY or h.strained >= -np.log(CLEAN_PROBABILITY) for h in fits):
+        advice = advice or law_sentences.LACK_OF_FIT.format(law=printed_form(best))
     title = " and ".join(s.fit.view.title for s in searches)
-    laws = found(best, x, C, (before, after), others, title, beside=b.name)
+    laws = found_law(best, x, C, (before, after), others, title, beside=b.name)
     parts = g.parts(best.columns)
     remainders = [residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, parts, strict=True)]
     joint = np.concatenate([r.reshape(-1, *g.shape[1:]) for r in remainders])  # rows of one channel, of several
@@ -222,7 +234,7 @@ def law_of_searches(
     return Lawful(laws, advice, tuple(zip(fits, remainders, strict=True)), ln_total=b.ln_known + best.evidence)
 
 
-def _sought(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> Beside:
+def laws_and_noises(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> Beside:
     """Return the laws that explain most in the likeliest noise of each recording without a law, or in the stated one.
 
     A noise that explains what a law adds hides the law, as what is switched looks like the walk of a sensor. The
@@ -230,7 +242,7 @@ def _sought(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> Beside:
     """
     stated = [nominal_noise(s.fit) for s in ranked.searches]
     among = [nodes] if [n.name for n in nodes] == [n.name for n in stated] else [nodes, stated]
-    best = compared(ranked.searches, among, ranked, alone)
+    best = compare_models(ranked.searches, among, ranked, alone)
     assert best is not None  # every recording of known attitude has outputs
     return best
 
@@ -254,7 +266,7 @@ def _rivals_of_members(ranked: Ranking, members: Sequence[int], laws: Sequence[L
         return []
     (s,) = ranked.searches
     X = s.library.X[:, list(fit_causes(s, ranked.within(members, 0)).index)]
-    return [law for law in laws if _differs(s, law, X)]
+    return [law for law in laws if differs_from_causes(s, law, X)]
 
 
 def _best_else(ranked: Ranking) -> float:
@@ -266,7 +278,7 @@ def _best_else(ranked: Ranking) -> float:
     return max(h.ln_weight for h in ranked.hypotheses if len({bool(every[i].rival) for i in h.members}) == 1)
 
 
-def _cancels(law: Law, x: Array) -> bool:
+def cancels_sensor(law: Law, x: Array) -> bool:
     """Return whether a law with sizes x (m,) [SI] takes away the response of its own sensor: no sensor is left then.
 
     The norm of the force is the same in every attitude, too, where accelerometers read nothing but their bias.
@@ -279,7 +291,7 @@ def _cancels(law: Law, x: Array) -> bool:
     return any(abs(float(f @ added)) > MAX_GAIN_CHANGE * float(f @ f) for f, added in forces if f.any())
 
 
-def _known(ranked: Ranking, ln_evidence: float) -> str:
+def known_causes_as_likely(ranked: Ranking, ln_evidence: float) -> str:
     """Known causes that are as likely as a law of this evidence, by name; empty where none are."""
     every = ranked.library.candidates
     h = ranked.best_known
@@ -352,7 +364,7 @@ def causes_replaced_by_a_formula(
             continue
         known = max(h.ln_weight for h in s.hypotheses)
         if b.laws[0].evidence < known + CLAIM:
-            rivals = [law.evidence for law in _rivals(s, b.laws[:COMPARED], names)]
+            rivals = [law.evidence for law in rival_laws(s, b.laws[:MAX_COMPARED_LAWS], names)]
             if rivals and float(logsumexp(np.array(rivals))) > known:
                 doubtful |= {cause.effect for cause in own}
             continue
@@ -370,10 +382,10 @@ def _visible_columns(m: Fit, columns: Array) -> int:
     Q, A = orthonormal_columns(m.reduced(m.jacobian)), m.reduced(columns)
     norm = np.linalg.norm(A, axis=0)
     remainder = (A - Q @ (Q.T @ A)) / np.where(norm > 0, norm, 1.0)
-    return int(np.linalg.matrix_rank(remainder, tol=ABSORBED))
+    return int(np.linalg.matrix_rank(remainder, tol=MIN_SHARE_OF_COLUMN))
 
 
-def _rivals(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[Law]:
+def rival_laws(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[Law]:
     """Return the laws that say something else than causes of these names do.
 
     Where a law spans one of these causes, it is that cause and something beside it.
@@ -387,7 +399,7 @@ def _explains_more(s: Search, law: Law, names: Container[Key], terms: Terms) -> 
     """Return whether causes of these names, with those that are terms of a law, do not hold what the law explains."""
     own = [(c.key, v.index) for c in s.library.candidates if c.key in names for v in c.variants]
     columns = sorted({i for _, index in [*own, *terms] for i in index})
-    return _differs(s, law, s.library.X[:, columns])
+    return differs_from_causes(s, law, s.library.X[:, columns])
 
 
 def _terms_of(s: Search, law: Law) -> Terms:
@@ -399,7 +411,7 @@ def _terms_of(s: Search, law: Law) -> Terms:
     return [(c.key, v.index) for c in known for v in c.variants if inside[list(v.index)].all()]
 
 
-def _differs(s: Search, law: Law, X: Array) -> bool:
+def differs_from_causes(s: Search, law: Law, X: Array) -> bool:
     """Return whether reduced columns X (R, p) of causes do not hold what a law explains in its likeliest noise.
 
     They hold it where the rest is a small share, or no more than noise: then the law differs from them in how many
@@ -446,12 +458,12 @@ def _whitened(s: Search, law: Law) -> tuple[Node, Array, Array, Array]:
 def _compared_in(m: Fit, s: Search, sigma: Array, alone: bool = True) -> Beside | None:
     """Return the laws of a view, in noise of `sigma` (n, C), that no two events show; alone: without a known cause."""
     one = float(np.sqrt(np.mean(m.view.noise.weighted(sigma) ** 2)))
-    b = compared([s], [possible_noises(m, memory=False)], s, alone=alone, sigma=one)
+    b = compare_models([s], [possible_noises(m, memory=False)], s, alone=alone, sigma=one)
     if b is None:
         return None
     laws = list[Law]()
     for law in b.laws:
-        if law.evidence < max([CLAIM, *(best.evidence - 2 * TOGETHER for best in laws[:1])]):
+        if law.evidence < max([CLAIM, *(best.evidence - 2 * SEPARATION_EVIDENCE for best in laws[:1])]):
             break  # what is said of a law is said of those near the best
         if _evidence_without_two_groups(b.searches[0], law) > 0:
             laws.append(law)
@@ -468,30 +480,30 @@ def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str] = ()) -> 
     m = with_them = remaining.fit
     v, laws, total = m.view, list[LawResult](), 0.0
     hidden = remaining.ln_total < CLAIM
-    while not laws or (remaining.ln_total >= 2 * CLAIM and len({o.effect for o in laws}) < MOST):
+    while not laws or (remaining.ln_total >= 2 * CLAIM and len({o.effect for o in laws}) < MAX_LAWS):
         b = _compared_in(m, remaining, sigma, alone=bool(laws) or hidden)
         if b is None:
             return Lawful((), "" if hidden else law_sentences.REPEAT_TURNS), m
         g, every = b.ground, b.laws
         cost_of_choice = every[0].cost if every else 0.0  # a shape of the same rows was not chosen among formulas
-        best, others = chosen(g, every, _best_else(remaining) - b.ln_known - cost_of_choice)
+        best, others = chosen_law(g, every, _best_else(remaining) - b.ln_known - cost_of_choice)
         if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):
             return Lawful(), m
-        if not laws and best is not None and (as_likely := _known(remaining, b.total)):
-            words = law_sentences.KNOWN_CAUSE.format(more=_more(v.kind), names=as_likely, law=printed(best))
+        if not laws and best is not None and (as_likely := known_causes_as_likely(remaining, b.total)):
+            words = law_sentences.KNOWN_CAUSE.format(more=_more(v.kind), names=as_likely, law=printed_form(best))
             return Lawful((), words, known=likeliest_known(remaining)), m
         if best is None:
             if not laws:
-                return Lawful((), undetermined(every, others, g, v.kind)), m
+                return Lawful((), what_would_determine(every, others, g, v.kind)), m
             words = law_sentences.LACK_OF_FIT.format(law=laws[0].expression)
             return Lawful(tuple(laws), words, ln_total=total), with_them
         with_law_too, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
-        if _cancels(best, x):
-            words = law_sentences.LACK_OF_FIT.format(law=printed(best))
+        if cancels_sensor(best, x):
+            words = law_sentences.LACK_OF_FIT.format(law=printed_form(best))
             return (Lawful(tuple(laws), words, ln_total=total), with_them) if laws else (Lawful((), words), m)
         with_them, total = with_law_too, total + b.ln_known + best.evidence
         ids = [o.effect for o in laws]
-        new = found(best, x, covariance, (0.0, 0.0), others, v.title, ids, v, (*known, *b.name))
+        new = found_law(best, x, covariance, (0.0, 0.0), others, v.title, ids, v, (*known, *b.name))
         laws += with_curves(new, best, x, covariance, with_them.residual, g, others)
         remaining = search(with_them)
     return Lawful(tuple(laws), ln_total=total), with_them
@@ -514,15 +526,15 @@ def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool 
 
     def gained(planned: Fit) -> float:
         signal = _columns(planned, law, law.expression) @ size[:, None]
-        return expected_ln_bayes(planned, signal, _varied(planned, other))
+        return expected_ln_bayes(planned, signal, varied_law(planned, other))
 
     best = fastest_manoeuvre(o, gained)
     if not (best.words or asked):
         return ""
-    return separation_advice(best.words, best.hours, best.ln_bayes, printed(law), printed(other))
+    return separation_advice(best.words, best.hours, best.ln_bayes, printed_form(law), printed_form(other))
 
 
-def _varied(o: Fit, law: Law) -> Iterator[Array]:
+def varied_law(o: Fit, law: Law) -> Iterator[Array]:
     return (_columns(o, law, e) for e in law.expression.varied())
 
 

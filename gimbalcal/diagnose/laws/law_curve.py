@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose.answer import PRINTED
-from gimbalcal.diagnose.laws.law_file import printed
-from gimbalcal.diagnose.laws.law_search import ABSORBED, Ground, Law, Place
+from gimbalcal.diagnose.laws.law_file import printed_form
+from gimbalcal.diagnose.laws.law_search import MIN_SHARE_OF_COLUMN, Ground, Law, Place
 from gimbalcal.diagnose.result import LawCurve, LawResult
 from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.number import Array
@@ -62,14 +62,14 @@ def with_curves(
             sigma=in_print(sigma),
             observed=in_print(observed),
             predicted=in_print(predicted[k]),
-            others=tuple((printed(o), in_print(_aligned(o, law, k, value, g))) for o in others),
+            others=tuple((printed_form(o), in_print(aligned_curve(o, law, k, value, g))) for o in others),
         )))  # fmt: skip
     return tuple(out)
 
 
 def _of_same_places(law: Law, others: Sequence[Law]) -> list[Law]:
     alike = (o for o in others if (o.channel, o.axis) == (law.channel, law.axis))
-    return list({printed(o): o for o in alike}.values())[:MAX_OTHERS]
+    return list({printed_form(o): o for o in alike}.values())[:MAX_OTHERS]
 
 
 def _held_out(law: Law, x: Array, alone: bool, g: Ground) -> Array:
@@ -91,25 +91,25 @@ def _held_out(law: Law, x: Array, alone: bool, g: Ground) -> Array:
             np.concatenate([g.remainder(g.whiten(place.columns(even))) for place in law.places], axis=1)
         )
         others, left_out = A - N @ (N.T @ A), np.isin(block, own)
-        if left_out.all() or (np.linalg.norm(others, axis=0) < ABSORBED * np.linalg.norm(A, axis=0)).any():
+        if left_out.all() or (np.linalg.norm(others, axis=0) < MIN_SHARE_OF_COLUMN * np.linalg.norm(A, axis=0)).any():
             continue
         size = np.linalg.lstsq(others, g.y - N @ (N.T @ g.y), rcond=1e-9)[0].reshape(x.shape)
         for q, place in enumerate(law.places):
-            out[q, left_out] = _shifted(B @ size[q], value[:, q], law, place, g, ~left_out)[left_out]
+            out[q, left_out] = shifted_curve(B @ size[q], value[:, q], law, place, g, ~left_out)[left_out]
     return out
 
 
-def _aligned(other: Law, law: Law, k: int, value: Array, g: Ground) -> Array:
+def aligned_curve(other: Law, law: Law, k: int, value: Array, g: Ground) -> Array:
     """Return what another law adds at place k (n,) [SI], moved to the `value` of a law by what is calibrated there."""
     size = np.linalg.lstsq(g.remainder(g.whiten(other.columns)), g.y, rcond=1e-9)[0]
     added = other.expression.columns @ size.reshape(len(law.places), -1)[k]
-    return _shifted(added, value, law, law.places[k], g, np.ones(len(value), bool))
+    return shifted_curve(added, value, law, law.places[k], g, np.ones(len(value), bool))
 
 
-def _shifted(added: Array, value: Array, law: Law, place: Place, g: Ground, rows: Array) -> Array:
+def shifted_curve(added: Array, value: Array, law: Law, place: Place, g: Ground, rows: Array) -> Array:
     """Return `added` (n,) shifted to the `value` of a law in some rows, by the constant and slope that are fitted."""
     x = law.expression.variables[0].x
     line = np.stack([np.ones_like(x), (x - x.mean()) / max(float(np.ptp(x)), 1e-300)], axis=1)
     A = g.whiten(place.columns(line))
-    taken = line[:, np.linalg.norm(g.remainder(A), axis=0) < ABSORBED * np.linalg.norm(A, axis=0)]
+    taken = line[:, np.linalg.norm(g.remainder(A), axis=0) < MIN_SHARE_OF_COLUMN * np.linalg.norm(A, axis=0)]
     return np.asarray(added + taken @ np.linalg.lstsq(taken[rows], (value - added)[rows], rcond=1e-9)[0])

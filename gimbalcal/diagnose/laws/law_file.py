@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.diagnose.answer import PRINTED
-from gimbalcal.diagnose.laws.expressions import Expression, Term, whole
+from gimbalcal.diagnose.laws.expressions import Expression, Term, unit_as_factor
 from gimbalcal.diagnose.laws.law_search import Law
 from gimbalcal.diagnose.result import Estimate, LawResult
 from gimbalcal.effects import CATALOGUE
@@ -86,7 +86,7 @@ class {name}(Effect):
 
 
 LETTERS = "abcdefghijlmoqrsuvyz"  # of coefficients; the others are those of constants
-CODED = (("Abs(", "absolute("), ("Heaviside(", "above("), ("Max(0, ", "positive("), ("atan2(", "arctan2("))
+PYTHON_NAMES = (("Abs(", "absolute("), ("Heaviside(", "above("), ("Max(0, ", "positive("), ("atan2(", "arctan2("))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class LawText:
     constants: tuple[tuple[str, int, int], ...]
 
 
-def stated(e: Expression) -> LawText:
+def law_as_written(e: Expression) -> LawText:
     """A law as it is written down; whole numbers and thresholds as numbers, what can be fitted as letters."""
     named, each = list[tuple[str, int, int]](), list[tuple[list[str], list[str]]]()
     for i, t in enumerate(e.terms):
@@ -117,20 +117,20 @@ def stated(e: Expression) -> LawText:
                 letters.append(letter)
                 codes.append(f"self.{letter}")
                 named.append((letter, i, j))
-        each.append(_words(t, letters, codes))
+        each.append(words_of_term(t, letters, codes))
     shown, lines, divided = list[str](), list[str](), list[str]()
     for own in e.factors:
         parts = [(t, *each[i], k) for i, (t, k) in enumerate(zip(e.terms, own, strict=True)) if k >= 0]
         shown.append("*".join(words[k] for _, words, _, k in parts))
         lines.append(" * ".join(code[k] for _, _, code, k in parts))
-        divided.append("".join(_per(t, k) for t, _, _, k in parts))
+        divided.append("".join(coefficient_divisor(t, k) for t, _, _, k in parts))
     names = LETTERS[: len(shown)]
     text = " + ".join(f"{a}*{w}" for a, w in zip(names, shown, strict=True)).replace("- -", "+ ")
     code = " + ".join(f"self.{a} * ({w})[..., None]" for a, w in zip(names, lines, strict=True))
     return LawText(text, code, tuple(zip(names, divided, strict=True)), tuple(named))
 
 
-def _words(t: Term, letters: Sequence[str], codes: Sequence[str]) -> tuple[list[str], list[str]]:
+def words_of_term(t: Term, letters: Sequence[str], codes: Sequence[str]) -> tuple[list[str], list[str]]:
     """The columns of a term in print and as Python with arguments in SI."""
     v, at = t.variable, t.variable.origin
     centred = bool(t.centred and at)
@@ -149,44 +149,46 @@ def _words(t: Term, letters: Sequence[str], codes: Sequence[str]) -> tuple[list[
             for a, b in itertools.pairwise(t.constants)
         ]
     else:
-        coded = [_coded(w).format(*codes, x=code) for w in t.words]
+        coded = [form_as_python(w).format(*codes, x=code) for w in t.words]
     return [w.format(*letters, x=x) for w in words], coded
 
 
-def _per(t: Term, k: int) -> str:
+def coefficient_divisor(t: Term, k: int) -> str:
     """The unit of a column by which its coefficient is divided."""
     power = 1 if t.form.key == "table" else t.form.powers[k]
-    return f"/{whole(t.variable.unit)}" + (f"^{power}" if power > 1 else "") if power and t.variable.unit else ""
+    return (
+        f"/{unit_as_factor(t.variable.unit)}" + (f"^{power}" if power > 1 else "") if power and t.variable.unit else ""
+    )
 
 
-def _coded(words: str) -> str:
+def form_as_python(words: str) -> str:
     """A form as Python."""
-    for of, to in CODED:
+    for of, to in PYTHON_NAMES:
         words = words.replace(of, to)
     return words
 
 
-def printed(law: Law) -> str:
+def printed_form(law: Law) -> str:
     """Return the form of a law with letters for its coefficients and the values of its constants."""
-    e, description = law.expression, stated(law.expression)
+    e, description = law.expression, law_as_written(law.expression)
     constants = {a: e.terms[i].printed(j, e.terms[i].constants[j]) for a, i, j in description.constants}
-    return _with(description.text, constants)
+    return with_numbers(description.text, constants)
 
 
-def _elsewhere(other: Law, law: Law) -> str:
+def other_law_in_print(other: Law, law: Law) -> str:
     """Return another law in print, with its sensor or gimbal where that is not the one of a law."""
     here, there = ((o.channel, o.axis) for o in (law, other))
-    return printed(other) + (f" in {' '.join(there).replace('_', ' ')}" if there != here else "")
+    return printed_form(other) + (f" in {' '.join(there).replace('_', ' ')}" if there != here else "")
 
 
-def _with(text: str, values: Mapping[str, float]) -> str:
+def with_numbers(text: str, values: Mapping[str, float]) -> str:
     """A formula with numbers in the place of some letters."""
     for name, value in values.items():
         text = re.sub(rf"(?<![\w.]){name}(?![\w(])", f"{value:.6g}", text)
     return text.replace("+ -", "- ").replace("- -", "+ ")
 
 
-def found(
+def found_law(
     law: Law, x: Array, covariance: Array, heldout: tuple[float, float], others: Sequence[Law], title: str,
     taken: Sequence[str] = (), view: View | None = None, beside: Sequence[str] = (),
 ) -> tuple[LawResult, ...]:  # fmt: skip
@@ -196,7 +198,7 @@ def found(
     calibrated by a filter, and that has to be given the constants. beside: known causes that it stands beside, as
     --with takes them.
     """
-    description, e = stated(law.expression), law.expression
+    description, e = law_as_written(law.expression), law.expression
     m, sigma = e.columns.shape[1], np.sqrt(np.maximum(np.diag(covariance), 0.0))
     each = [_parameters(law, description, x[i : i + m], sigma[i : i + m]) for i in range(0, len(x), m)]
     filtered = view is not None and view.added is not None
@@ -212,7 +214,7 @@ def found(
             channel=place.channel,
             axis=place.axis,
             variables=tuple(units),
-            expression=_with(description.text, {r.name: r.value for r in rows}),
+            expression=with_numbers(description.text, {r.name: r.value for r in rows}),
             form=description.text,
             unit=PRINTED.get(place.channel, "arcsec"),
             latex=latex,
@@ -222,7 +224,7 @@ def found(
             evidence=round(law.evidence, 2),
             heldout_before=heldout[0],
             heldout_after=heldout[1],
-            alternatives=tuple(dict.fromkeys(_elsewhere(o, law) for o in others))[:MAX_ALTERNATIVES],
+            alternatives=tuple(dict.fromkeys(other_law_in_print(o, law) for o in others))[:MAX_ALTERNATIVES],
             effect=effect,
             with_=argument,
             beside=tuple(beside),
@@ -307,6 +309,6 @@ def is_found(path: Path) -> bool:
         return False
 
 
-def source(laws: Sequence[LawResult]) -> str:
+def source_text(laws: Sequence[LawResult]) -> str:
     """The text of law.py."""
     return HEAD + "\n".join(dict.fromkeys(law.source for law in laws))

@@ -24,22 +24,22 @@ from functools import cached_property
 import numpy as np
 
 from gimbalcal.diagnose.laws.expressions import (
-    ALONE,
     COEFFICIENTS,
-    MULTIPLIED,
     ONSETS,
     ORDERS,
     POWERS,
+    PRODUCT_FORMS,
+    SINGLE_FORMS,
     Expression,
     Family,
     TermGroup,
-    between,
-    grids,
-    pairs,
-    relatives,
-    tables,
-    terms,
-    triples,
+    families,
+    free_tables,
+    moved_threshold,
+    richer_forms,
+    term_pairs,
+    term_triples,
+    terms_of_variable,
 )
 from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.effects import Stimulus
@@ -47,29 +47,33 @@ from gimbalcal.inference.algebra import orthonormal, orthonormal_columns
 from gimbalcal.inference.levenberg import minimise
 from gimbalcal.number import Array
 
-WEIGHED = 60  # expressions whose evidence is worked out in full
-REFINED = (20, 16, 4)  # of these, the best of one, two and three terms are refined in their constants
-EXTENDED = (6, 6, 0)  # of these, richer forms are tried in the place of theirs
+WEIGHED_EXPRESSIONS = 60  # expressions whose evidence is worked out in full
+REFINED_COUNTS = (20, 16, 4)  # of these, the best of one, two and three terms are refined in their constants
+EXTENDED_COUNTS = (6, 6, 0)  # of these, richer forms are tried in the place of theirs
 SHARE_OF_TRIADS = 3  # by which these numbers are divided for laws of all axes
 ROUNDS = 70  # steps of a refinement of what jumps for each constant
 DIFFERENCE = 1e-4  # of the first step of a constant: for derivatives
 SETTLED, GAIN, MOST_STEPS = 1e-3, 1e-6, 30  # of the first step, and of the misfit, at which a refinement has arrived
 CHUNK = 100  # families at a time
 ROWS = 900  # rows of a recording on which expressions are compared
-ABSORBED = 3e-2  # of a column: less left by the calibration is nothing to speak of
+MIN_SHARE_OF_COLUMN = 3e-2  # of a column: less left by the calibration is nothing to speak of
 MIN_RESPONSE = 1.0  # sigmas that one m/s^2, rad/s or rad makes: rows that respond less are those of no fit
-CARRIED = 2.5  # stretches of a recording, at the least, that a law has to act in: what acts in one is an outlier
+MIN_STRETCHES = 2.5  # stretches of a recording, at the least, that a law has to act in: what acts in one is an outlier
 RIDGE = 1e-4  # of a unit column: two that are alike count as one
 SAME_SPACE = 1e-6  # sine of the largest angle between two spaces of columns that are one
-SAME = 0.999  # correlation from which two expressions are one in this recording
-UNUSUAL = 1.5  # nats against a law of an output in gimbal angles, or of a gimbal in forces, and against a rare form
-RARE = ("pulse", "sawtooth", "rectified", "ring", "cyclic", "rising", "falling", "growth")
+SAME_CORRELATION = 0.999  # correlation from which two expressions are one in this recording
+UNUSUAL_NATS = (
+    1.5  # nats against a law of an output in gimbal angles, or of a gimbal in forces, and against a rare form
+)
+RARE_FORMS = ("pulse", "sawtooth", "rectified", "ring", "cyclic", "rising", "falling", "growth")
 JUMPS = ("pulse", "sawtooth", "above", "window")
-FINER = 2.0 ** -np.arange(0.0, 8.0, 0.5)  # of the first step of a constant, where its likelihood is looked at
-NEEDED = 3.0  # nats that a column of a law has to explain to be kept, at each of its places
+PROBE_STEPS = 2.0 ** -np.arange(0.0, 8.0, 0.5)  # of the first step of a constant, where its likelihood is looked at
+MIN_NATS_OF_COLUMN = 3.0  # nats that a column of a law has to explain to be kept, at each of its places
 LEAST_VARIANCE = 1e-6  # that a law leaves, of the noise without it
 FARTHEST, FARTHEST_POWER = 3.4, 0.7  # of ln of a size, and of a power, from the grid to where it is refined
-FAR = 2.0  # ranges of a variable from its middle, beyond which powers are not printed from its reference
+MAX_REFERENCE_RANGES = (
+    2.0  # ranges of a variable from its middle, beyond which powers are not printed from its reference
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +159,7 @@ def block_response(g: Ground, places: Sequence[Place]) -> BlockResponse:
     each = [_roots(g, g.whiten(place.columns(even))) for place in places]
     root, absorbed, y = (np.stack(part) for part in zip(*each, strict=True))
     first = int(np.argmax(root.any(axis=(0, 2))))  # what shows at no place stands first
-    return BlockResponse(*_thinned(block, blocks), root[:, first:], absorbed, y[:, first:])
+    return BlockResponse(*thinned_rows(block, blocks), root[:, first:], absorbed, y[:, first:])
 
 
 def _roots(g: Ground, M: Array) -> tuple[Array, Array, Array]:
@@ -168,7 +172,7 @@ def _roots(g: Ground, M: Array) -> tuple[Array, Array, Array]:
     return size[:, None] * V.T, absorbed, y
 
 
-def _thinned(block: Array, blocks: int) -> tuple[Array, Array]:
+def thinned_rows(block: Array, blocks: int) -> tuple[Array, Array]:
     """Return ordinals of some `ROWS` rows, as many evenly in each block, with their weights in its mean.
 
     A short block has its last row several times, once with a weight.
@@ -208,7 +212,9 @@ class Law:
     def columns_in(self, g: Ground) -> Array:
         """Return columns (n', C, m) of rms one that span those of the law in another ground."""
         places = self.places_in(g)
-        return _columns_at(places, spanned(self.expression.of({v.name: v for v in places[0].variables}).columns))
+        return _columns_at(
+            places, orthonormal_span(self.expression.of({v.name: v for v in places[0].variables}).columns)
+        )
 
     @property
     def channel(self) -> str:
@@ -252,7 +258,7 @@ class Law:
         h = np.array([m.step / 4 for m in moves])
 
         def at(u: Array) -> float:
-            return _worth(self.response, _moved(e, moves, u * h))
+            return likelihood_gain(self.response, moved_expression(e, moves, u * h))
 
         H, one = np.zeros((len(h), len(h))), np.eye(len(h))
         for a in range(len(h)):
@@ -275,13 +281,13 @@ def laws_of(grounds: Sequence[Ground], products: bool = True) -> list[list[Law]]
     scored, number = [list[Scored]() for _ in grounds], np.zeros((len(grounds), 3))
     alike: dict[tuple[int, int, int], dict[int, list[Target]]] = {}
     for k, g in enumerate(grounds):
-        for key, targets in _alike(g).items():
+        for key, targets in places_alike(g).items():
             alike.setdefault(key, {})[k] = targets
     for each in alike.values():
         laws = _families(next(iter(each.values())), products)
         lengths = {(" * ".join(own.terms[0].family for own in law), len(law)) for law in laws}
         count = np.bincount([length for _, length in lengths], minlength=4)[1:]
-        for k, own in zip(each, _best(list(each.values()), laws), strict=True):
+        for k, own in zip(each, best_families(list(each.values()), laws), strict=True):
             scored[k] += own
             number[k] += len(each[k]) * count
     return [_weighed(*own) for own in zip(grounds, scored, number, strict=True)]
@@ -295,10 +301,10 @@ def _weighed(g: Ground, scored: list[Scored], number: Array) -> list[Law]:
     if not chosen:
         return []  # nothing is left that any would take away
     chosen = [(target, e.of({v.name: v for v in target.places[0].variables})) for target, e in chosen]
-    ln = g.evidence([_columns_at(target.places, spanned(e.columns)) for target, e in chosen])
+    ln = g.evidence([_columns_at(target.places, orthonormal_span(e.columns)) for target, e in chosen])
     laws = []
     for (target, e), gained in zip(chosen, ln, strict=True):
-        cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + _unusual(target.places[0], e)
+        cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + cost_of_unusual(target.places[0], e)
         laws.append(Law(target.places, e, float(gained - cost), target.response, float(cost)))
     return sorted(laws, key=lambda law: -law.evidence)
 
@@ -324,17 +330,17 @@ def _extended_and_refined(scored: list[Scored], share: int) -> list[tuple[Target
     richer, refined = [0, 0, 0], [0, 0, 0]
     for _, target, e in sorted(scored, key=lambda f: -f[0]):
         n = len(e.terms) - 1
-        if richer[n] < EXTENDED[n] // share and (more := relatives(e, len(target.places) > 1)):
+        if richer[n] < EXTENDED_COUNTS[n] // share and (more := richer_forms(e, len(target.places) > 1)):
             richer[n] += 1  # of those that may become something else
-            scored += _best([[target]], more)[0]
+            scored += best_families([[target]], more)[0]
     out = list[tuple[Target, Expression]]()
     for _, target, e in sorted(scored, key=lambda f: -f[0]):
         n = len(e.terms) - 1
         refined[n] += 1
-        best = refined[n] <= REFINED[n] // share
-        if best or len(out) < WEIGHED // share:
-            out.append((target, _refined(target.response, e) if best else e))
-    return [(target, e) for target, e in out if _carried(target.response, e)]
+        best = refined[n] <= REFINED_COUNTS[n] // share
+        if best or len(out) < WEIGHED_EXPRESSIONS // share:
+            out.append((target, refined_expression(target.response, e) if best else e))
+    return [(target, e) for target, e in out if is_carried_widely(target.response, e)]
 
 
 def _columns_at(places: Sequence[Place], X: Array) -> Array:
@@ -360,16 +366,16 @@ class Target:
         return self.of_all.at(self.at)
 
 
-def _alike(g: Ground) -> dict[tuple[int, int, int], list[Target]]:
+def places_alike(g: Ground) -> dict[tuple[int, int, int], list[Target]]:
     """Return the places that show additions, those together in which the same variables stand."""
     alike: dict[tuple[int, int, int], list[Place]] = {}
     for place in g.places:
         alike.setdefault((id(place.stimulus), len(place.block), len(place.variables)), []).append(place)
-    each = ((key, _targets(places, block_response(g, places))) for key, places in alike.items())
+    each = ((key, search_targets(places, block_response(g, places))) for key, places in alike.items())
     return {key: own for key, own in each if own}
 
 
-def _targets(places: Sequence[Place], response: BlockResponse) -> list[Target]:
+def search_targets(places: Sequence[Place], response: BlockResponse) -> list[Target]:
     """Return each place that responds to additions, and all of a channel together where they are several."""
     size = np.sqrt((response.root**2).sum(axis=1) + (response.absorbed**2).sum(axis=1)).max(axis=1)
     shown = np.flatnonzero(size > MIN_RESPONSE).tolist()
@@ -384,21 +390,21 @@ def _targets(places: Sequence[Place], response: BlockResponse) -> list[Target]:
 def _families(targets: Sequence[Target], products: bool) -> list[Family]:
     """Return the expressions that are looked at, at places of the same variables."""
     place, rows = targets[0].places[0], targets[0].of_all.rows
-    every = [terms(v, place.stimulus, ALONE[v.group], rows) for v in place.variables]
-    laws = [*((grid,) for own in every for grid in grids(own)), *tables(place.variables, rows, products)]
+    every = [terms_of_variable(v, place.stimulus, SINGLE_FORMS[v.group], rows) for v in place.variables]
+    laws = [*((grid,) for own in every for grid in families(own)), *free_tables(place.variables, rows, products)]
     if products:
-        slow = [terms(v, place.stimulus, MULTIPLIED[v.group], rows) for v in place.variables]
-        laws += [*pairs(slow), *triples(slow)]
+        slow = [terms_of_variable(v, place.stimulus, PRODUCT_FORMS[v.group], rows) for v in place.variables]
+        laws += [*term_pairs(slow), *term_triples(slow)]
     return laws
 
 
-def free(law: Law) -> int:
+def free_numbers(law: Law) -> int:
     """Return the fitted numbers of a law, rare forms counting as one: of two that are one, that with more is none."""
     e = law.expression
-    return e.columns.shape[1] + len(e.smooth()) + sum(t.form.key in RARE for t in e.terms)
+    return e.columns.shape[1] + len(e.smooth()) + sum(t.form.key in RARE_FORMS for t in e.terms)
 
 
-def spanned(X: Array) -> Array:
+def orthonormal_span(X: Array) -> Array:
     """Return columns (n, q) of rms one that span those of X (n, m) and are orthogonal to each other."""
     return orthonormal_columns(X, 1e-6) * np.sqrt(len(X))
 
@@ -408,7 +414,7 @@ def _at_rows(e: Expression, response: BlockResponse) -> Expression:
     return e.of({v.name: replace(v, x=v.x[response.rows]) for v in e.variables})
 
 
-def trimmed(g: Ground, law: Law) -> Law:
+def trimmed_law(g: Ground, law: Law) -> Law:
     """Return the law with powers from the references of its variables, without columns that explain next to nothing.
 
     What the calibration takes up has no size, and a lower power may be none of the law. The noise is no larger than
@@ -416,52 +422,56 @@ def trimmed(g: Ground, law: Law) -> Law:
     """
     e = _at_rows(law.expression, law.response)
     away = [abs(v.reference - v.origin) / max(float(np.ptp(v.x)), 1e-300) for v in law.expression.variables]
-    e = e.referred() if max(away) <= FAR else e
+    e = e.referred() if max(away) <= MAX_REFERENCE_RANGES else e
     dof = max(len(g.y) - g.Q.shape[1], 1)
     while len(groups := e.groups) > 1:
-        worth = _worth(law.response, e)
+        worth = likelihood_gain(law.response, e)
         variance = float(np.clip((g.y @ g.y - 2 * worth) / dof, LEAST_VARIANCE, 1.0))
-        least, drop = min(((worth - _worth(law.response, e.without(own)), own) for own in groups), key=lambda x: x[0])
-        if least > NEEDED * len(law.places) * variance:
+        least, drop = min(
+            ((worth - likelihood_gain(law.response, e.without(own)), own) for own in groups), key=lambda x: x[0]
+        )
+        if least > MIN_NATS_OF_COLUMN * len(law.places) * variance:
             break
         e = e.without(drop)
     full = e.of({v.name: v for v in law.expression.variables})
     return replace(law, expression=full)
 
 
-def centred(g: Ground, law: Law) -> Law:
+def centred_jumps(g: Ground, law: Law) -> Law:
     """Return a law whose jumps are in the middle of where the data allow them.
 
     Between two rows the likelihood of a jump is level, and a search ends anywhere there; the mean over the likelihood
     of each constant errs least on the next recording.
     """
     e = begun = _at_rows(law.expression, law.response)
-    worth = _worth(law.response, begun)
+    worth = likelihood_gain(law.response, begun)
     variance = float(np.clip((g.y @ g.y - 2 * worth) / max(len(g.y) - g.Q.shape[1], 1), LEAST_VARIANCE, 1.0))
-    for i, j in 2 * _jumps(e):
+    for i, j in 2 * jump_constants(e):
         move = _Move(e, i, j)
-        u = move.step * np.concatenate([-FINER, [0.0], FINER[::-1]])
-        ln = np.array([_worth(law.response, _moved(e, [move], [x])) for x in u]) / variance
+        u = move.step * np.concatenate([-PROBE_STEPS, [0.0], PROBE_STEPS[::-1]])
+        ln = np.array([likelihood_gain(law.response, moved_expression(e, [move], [x])) for x in u]) / variance
         p = np.exp(ln - ln.max()) * np.gradient(u)
-        e = _moved(e, [move], [float(p @ u / p.sum())])
-    if worth - _worth(law.response, e) > variance:  # constants that go with each other: their middle is off the ridge
+        e = moved_expression(e, [move], [float(p @ u / p.sum())])
+    if (
+        worth - likelihood_gain(law.response, e) > variance
+    ):  # constants that go with each other: their middle is off the ridge
         return law
     return replace(law, expression=e.of({v.name: v for v in law.expression.variables}))
 
 
-def _jumps(e: Expression) -> list[tuple[int, int]]:
+def jump_constants(e: Expression) -> list[tuple[int, int]]:
     """Return term and constant of what says where an expression jumps, waves of an angle and zero apart."""
     return [(i, j) for i, t in enumerate(e.terms) if t.form.key in JUMPS and t.variable.group != "course"
             for j, c in enumerate(t.form.constants) if t.refined(j) or c.of == "x"]  # fmt: skip
 
 
-def _unusual(place: Place, e: Expression) -> float:
+def cost_of_unusual(place: Place, e: Expression) -> float:
     """Nats against what stands for another: angles of what is felt in an output, forces in a gimbal; and rare forms."""
     of = "force" if place.channel in ("gimbal_angle", "pointing") else "angle"
-    return UNUSUAL * (sum(v.group == of for v in e.variables) + sum(t.form.key in RARE for t in e.terms))
+    return UNUSUAL_NATS * (sum(v.group == of for v in e.variables) + sum(t.form.key in RARE_FORMS for t in e.terms))
 
 
-def _best(grounds: Sequence[Sequence[Target]], laws: Sequence[Family]) -> list[list[Scored]]:
+def best_families(grounds: Sequence[Sequence[Target]], laws: Sequence[Family]) -> list[list[Scored]]:
     """Return for each ground the best families of each length at each of its targets, at their best constants; at
     several places those that are better than at one.
 
@@ -477,7 +487,7 @@ def _best(grounds: Sequence[Sequence[Target]], laws: Sequence[Family]) -> list[l
         for m, own in by_width.items():
             columns, ends = np.concatenate([B for _, B in own], axis=-1), np.cumsum([B.shape[2] for _, B in own])[:-1]
             for targets, of_ground in zip(grounds, tops, strict=True):
-                each = gains(targets[0].of_all, columns) - 2.0 * m
+                each = likelihood_gains(targets[0].of_all, columns) - 2.0 * m
                 for target, top in zip(targets, of_ground, strict=True):
                     worths = np.split(each[target.at].sum(axis=0), ends)
                     for gain, e in (_best_of(law, w) for (law, _), w in zip(own, worths, strict=True) if w.max() > 0):
@@ -495,7 +505,7 @@ def _best_by_length(targets: Sequence[Target], tops: Sequence[dict[str, tuple[fl
         better = [b for key, b in top.items() if all(b[0] > own[key][0] for own in others if key in own)]
         for n in (1, 2, 3):  # products are many, and would leave no room for what a single term may become
             as_long = [(gain, target, e) for gain, e in better if len(e.terms) == n]
-            out += sorted(as_long, key=lambda scored: -scored[0])[:WEIGHED]
+            out += sorted(as_long, key=lambda scored: -scored[0])[:WEIGHED_EXPRESSIONS]
     return out
 
 
@@ -507,7 +517,7 @@ def _best_of(law: Family, worth: Array) -> tuple[float, Expression]:
     return float(worth[best]) - math.log(e.tried), e
 
 
-def gains(response: BlockResponse, B: Array) -> Array:
+def likelihood_gains(response: BlockResponse, B: Array) -> Array:
     """Return the gain in ln likelihood (p, K) by formulas, each of m columns B (blocks, m, K), at each of p outputs."""
     (blocks, m, K), p = B.shape, len(response.y)
     flat = B.reshape(blocks, m * K)
@@ -516,7 +526,7 @@ def gains(response: BlockResponse, B: Array) -> Array:
         square = np.einsum("prk,prk->pk", X, X)
         taken = response.absorbed @ flat
         whole = square + np.einsum("pqk,pqk->pk", taken, taken)
-        shown = np.isfinite(whole) & (square > ABSORBED**2 * whole)
+        shown = np.isfinite(whole) & (square > MIN_SHARE_OF_COLUMN**2 * whole)
     scale = (1.0 / np.sqrt(np.where(shown, square, np.inf))).reshape(p, m, K)
     b = (response.y[:, None] @ X).reshape(p, m, K) * scale
     if m == 1:
@@ -526,18 +536,18 @@ def gains(response: BlockResponse, B: Array) -> Array:
     return np.asarray(np.einsum("pmk,pkm->pk", b, np.linalg.solve(G, b.transpose(0, 2, 1)[..., None])[..., 0]) / 2)
 
 
-def _carried(response: BlockResponse, e: Expression) -> bool:
+def is_carried_widely(response: BlockResponse, e: Expression) -> bool:
     """Return whether what a law adds is spread over several stretches and not an outlier of one or two."""
     B = response.means_of(e)
     each = zip(response.root, response.y, strict=True)
     added = np.stack([B @ np.linalg.lstsq(root @ B, y, rcond=1e-6)[0] for root, y in each], axis=1)
     square = ((added - np.median(added, axis=0)) ** 2).sum(axis=1)
-    return bool(square.sum() ** 2 > CARRIED * (square**2).sum())
+    return bool(square.sum() ** 2 > MIN_STRETCHES * (square**2).sum())
 
 
-def _worth(response: BlockResponse, e: Expression) -> float:
+def likelihood_gain(response: BlockResponse, e: Expression) -> float:
     """Return the ln likelihood that an expression at the rows of a response takes away of the misfit."""
-    return float(gains(response, response.means_of(e)[:, :, None]).sum())
+    return float(likelihood_gains(response, response.means_of(e)[:, :, None]).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -586,23 +596,23 @@ class _Move:
         return self.i, self.j, float(x)
 
 
-def _moved(e: Expression, moves: Sequence[_Move], u: Sequence[float] | Array) -> Expression:
+def moved_expression(e: Expression, moves: Sequence[_Move], u: Sequence[float] | Array) -> Expression:
     return e.at([m.at(float(x)) for m, x in zip(moves, u, strict=True)])
 
 
-def _refined(response: BlockResponse, e: Expression) -> Expression:
+def refined_expression(response: BlockResponse, e: Expression) -> Expression:
     """The expression with its constants where they take away most."""
     for i, k in [(i, k) for i, t in enumerate(e.terms) for k in range(len(t.constants))]:
-        near = TermGroup((e.terms[i], *between(e.terms[i], k)))
+        near = TermGroup((e.terms[i], *moved_threshold(e.terms[i], k)))
         family = tuple(near if n == i else TermGroup((t,)) for n, t in enumerate(e.terms))
-        best = int(np.argmax(gains(response, response.means(family)).sum(axis=0)))
+        best = int(np.argmax(likelihood_gains(response, response.means(family)).sum(axis=0)))
         e = e.replaced((*e.terms[:i], near.terms[best], *e.terms[i + 1 :]))
     moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
     if not moves:
         return e
     jumps = any(e.terms[m.i].form.key in JUMPS for m in moves)
-    other = _moved(e, moves, (_by_simplex if jumps else _by_derivatives)(response, e, moves))
-    return other if _worth(response, other) > _worth(response, e) else e
+    other = moved_expression(e, moves, (_by_simplex if jumps else _by_derivatives)(response, e, moves))
+    return other if likelihood_gain(response, other) > likelihood_gain(response, e) else e
 
 
 def _by_simplex(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:
@@ -610,7 +620,7 @@ def _by_simplex(response: BlockResponse, e: Expression, moves: Sequence[_Move]) 
     from scipy.optimize import minimize
 
     def cost(u: Array) -> float:
-        return -_worth(response, _moved(e, moves, u))
+        return -likelihood_gain(response, moved_expression(e, moves, u))
 
     begun, steps = np.zeros(len(moves)), np.array([m.step for m in moves])
     simplex = np.concatenate([begun[None], np.diag(steps)])
@@ -627,10 +637,10 @@ def _by_derivatives(response: BlockResponse, e: Expression, moves: Sequence[_Mov
     steps = np.array([m.step for m in moves])
 
     def shown(u: Array) -> Array:
-        B = response.means_of(_moved(e, moves, u * steps))
+        B = response.means_of(moved_expression(e, moves, u * steps))
         X, taken = response.root @ B, response.absorbed @ B
         square, hidden = (X**2).sum(axis=1), (taken**2).sum(axis=1)
-        return np.where((square > ABSORBED**2 * (square + hidden))[:, None], X, 0.0)
+        return np.where((square > MIN_SHARE_OF_COLUMN**2 * (square + hidden))[:, None], X, 0.0)
 
     def model(u: Array, _: Array) -> tuple[Array, Array]:
         A = shown(u[0])

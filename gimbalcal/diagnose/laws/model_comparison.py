@@ -14,17 +14,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.odds import CLAIM, TOGETHER
+from gimbalcal.diagnose.evidence.odds import CLAIM, SEPARATION_EVIDENCE
 from gimbalcal.diagnose.evidence.projection import project_all
-from gimbalcal.diagnose.laws.grounds import ground, together
-from gimbalcal.diagnose.laws.law_search import Ground, Law, free, laws_of, weighed_in
+from gimbalcal.diagnose.laws.grounds import ground_of_search, ground_of_unit
+from gimbalcal.diagnose.laws.law_search import Ground, Law, free_numbers, laws_of, weighed_in
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, log_evidence, reduced_rows
 from gimbalcal.diagnose.search.refit import with_columns
 
-FIRST = 3  # known causes that a law is sought beside
-NAMED = float(np.log(1000.0))  # odds at which a formula of one term beside a name gives way to one without
+COMPARED_CAUSES = 3  # known causes that a law is sought beside
+NAME_ODDS = float(np.log(1000.0))  # odds at which a formula of one term beside a name gives way to one without
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Beside:
         return self.ln_known + self.laws[0].evidence if self.laws else -np.inf
 
 
-def compared(
+def compare_models(
     searches: Sequence[Search], among: Sequence[Sequence[Node]], ranked: Ranking, alone: bool, sigma: float = 1.0
 ) -> Beside | None:
     """Return the laws of one view, or of several of one unit, with the known cause with which they say most.
@@ -65,15 +65,15 @@ def compared(
     """
 
     def common_ground(own: Sequence[Search], nodes: Sequence[Node]) -> Ground | None:
-        each = [g for s, node in zip(own, nodes, strict=True) if (g := ground(s, node, sigma)) is not None]
-        return together(each) if len(each) == len(own) else None
+        each = [g for s, node in zip(own, nodes, strict=True) if (g := ground_of_search(s, node, sigma)) is not None]
+        return ground_of_unit(each) if len(each) == len(own) else None
 
     shown = [(g, nodes) for nodes in among if (g := common_ground(searches, nodes)) is not None]
     if not shown:
         return None
     found = zip(laws_of([g for g, _ in shown]), shown, strict=True)
     laws, (g, nodes) = max(found, key=lambda own: max((law.evidence for law in own[0]), default=-np.inf))
-    likely = () if alone else _likely(ranked)
+    likely = () if alone else likely_causes(ranked)
     known = [tuple(with_cause(s, ranked.within(h.members, k)) for k, s in enumerate(searches)) for h in likely]
     grounds = [own for with_known in known if (own := common_ground(with_known, nodes)) is not None]
     others = [
@@ -83,11 +83,11 @@ def compared(
     more = weighed_in(g, [law for other in others for law in other.laws[:1]])
     best = Beside(g, sorted([*laws, *more], key=lambda law: -law.evidence), searches=tuple(searches))
     for other in others:
-        best = _better(best, other, ranked)
+        best = better_cause(best, other, ranked)
     return best
 
 
-def _better(best: Beside, other: Beside, ranked: Ranking) -> Beside:
+def better_cause(best: Beside, other: Beside, ranked: Ranking) -> Beside:
     """The other one where it says as much: a name is worth more than a longer formula, another name has to be likelier.
 
     A name that makes the formula no shorter has to make it likelier. As every law it has to come near the best of what
@@ -95,21 +95,21 @@ def _better(best: Beside, other: Beside, ranked: Ranking) -> Beside:
     """
     if not other.laws or other.laws[0].evidence < CLAIM:
         return best
-    if other.total < max(h.ln_weight for h in ranked.hypotheses) - TOGETHER:
+    if other.total < max(h.ln_weight for h in ranked.hypotheses) - SEPARATION_EVIDENCE:
         return best
-    shorter = not best.laws or free(other.laws[0]) < free(best.laws[0])
-    needed = 0.0 if best.known else -NAMED if shorter else CLAIM
+    shorter = not best.laws or free_numbers(other.laws[0]) < free_numbers(best.laws[0])
+    needed = 0.0 if best.known else -NAME_ODDS if shorter else CLAIM
     return other if other.total > best.total + needed else best
 
 
-def _likely(ranked: Ranking) -> list[Hypothesis]:
+def likely_causes(ranked: Ranking) -> list[Hypothesis]:
     """The likeliest known causes, each effect once, without what happens once."""
     every, out = ranked.library.candidates, dict[str, Hypothesis]()
     for h in ranked.hypotheses:
         c = every[h.members[0]]
         if len(h.members) == 1 and not c.rival and not c.once and h.ln_weight >= CLAIM:
             out.setdefault(c.effect, h)
-    return list(out.values())[:FIRST]
+    return list(out.values())[:COMPARED_CAUSES]
 
 
 def with_cause(s: Search, members: Sequence[int]) -> Search:

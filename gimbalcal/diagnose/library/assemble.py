@@ -28,12 +28,14 @@ from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, View, absent_effect
 
 PEAKS = 3  # of a scan over whole numbers
-STILL = 0.01  # of a column: a gimbal that stands still but for the drift of its readout
-SHAKEN = 5.0  # times the relative misfit: laws of second and third degree, sums of a few
-NEAR = 24  # values of a scan on either side, a third of a line apart, of which the median is the noise at a line
-ABOUT = 9  # whole numbers about each of them
+STILL_SHARE = 0.01  # of a column: a gimbal that stands still but for the drift of its readout
+MISFIT_RATIO_OF_ORDERS = 5.0  # times the relative misfit: laws of second and third degree, sums of a few
+NEIGHBOUR_VALUES = (
+    24  # values of a scan on either side, a third of a line apart, of which the median is the noise at a line
+)
+NEIGHBOURING_ORDERS = 9  # whole numbers about each of them
 SCALE_STEP = 0.5  # of ln of the scale of a channel, between those at which whole numbers are scanned
-MOST = 150  # choices of constants that are weighed beside each other; of more, those that explain most
+MAX_CHOICES = 150  # choices of constants that are weighed beside each other; of more, those that explain most
 
 
 def assemble_library(fit: Fit) -> Library:
@@ -151,7 +153,7 @@ def weighed_choices(
     every = constant_choices(cls, v.stimulus)
     if not v.noise.scale_known:
         return scanned_orders(v, cls, maker.misfit, columns, every, orders)
-    if len(every) > MOST:
+    if len(every) > MAX_CHOICES:
         return likeliest_choices(maker.fit, cls, source, every, columns), len(every)
     return every, 0
 
@@ -159,7 +161,7 @@ def weighed_choices(
 def likeliest_choices(
     o: Fit, cls: type[Effect], source: str, every: Sequence[Constants], columns: Callable[[Effect], Array]
 ) -> list[Constants]:
-    """The `MOST` choices that take away most of what the calibration leaves of the data, in order.
+    """The `MAX_CHOICES` choices that take away most of what the calibration leaves of the data, in order.
 
     All of a thousand positions would be as many columns squared for each noise; what explains least adds nothing to
     a sum over choices, of which each keeps its share among all.
@@ -171,7 +173,7 @@ def likeliest_choices(
     for choice in every:
         X = columns(absent_effect(cls.id, o.view.stimulus, source, **dict(choice)))
         taken.append(float(((orthonormal(X - Q @ (Q.T @ X)).T @ r) ** 2).sum()) if X.any() else 0.0)
-    return [every[i] for i in sorted(np.argsort(taken)[::-1][:MOST])]
+    return [every[i] for i in sorted(np.argsort(taken)[::-1][:MAX_CHOICES])]
 
 
 def _clear_of_noise(v: View, X: Array, misfit: Array, taken: Array) -> Array:
@@ -184,7 +186,7 @@ def _clear_of_noise(v: View, X: Array, misfit: Array, taken: Array) -> Array:
         return X
     A = X.reshape(len(taken), -1)
     remainder = np.linalg.norm(A - taken @ (taken.T @ A), axis=0)
-    noise = SHAKEN * float(np.sqrt(np.mean(misfit**2))) / v.stimulus.gravity
+    noise = MISFIT_RATIO_OF_ORDERS * float(np.sqrt(np.mean(misfit**2))) / v.stimulus.gravity
     return np.asarray(X * (remainder > noise * np.linalg.norm(A, axis=0)))
 
 
@@ -198,7 +200,7 @@ def columns_beyond(X: Array, Q: Array) -> NDArray[np.bool_]:
     """Return which of the columns X (n, C, p) are more than what Q (n C, q) spans."""
     A = X.reshape(len(Q), -1)
     remainder = np.linalg.norm(A - Q @ (Q.T @ A), axis=0)
-    return np.asarray(remainder > STILL * np.linalg.norm(A, axis=0))
+    return np.asarray(remainder > STILL_SHARE * np.linalg.norm(A, axis=0))
 
 
 def scanned_orders(
@@ -221,7 +223,9 @@ def scanned_orders(
         v.cache[at] = np.stack([orthonormal_or_zero(X * weight[..., None]) for X in v.cache[cls.id]]).astype(np.float32)
     power = misfit_powers(v.cache[at], misfit * weight)
     if v.noise.own_memories:
-        level = np.array([np.median(power[max(i - NEAR, 0) : i + NEAR + 1]) for i in range(len(power))])
+        level = np.array(
+            [np.median(power[max(i - NEIGHBOUR_VALUES, 0) : i + NEIGHBOUR_VALUES + 1]) for i in range(len(power))]
+        )
         power = power / np.maximum(level, 1e-300)
     step = float(every[1] - every[0])
     chosen = set(between_scanned(every[highest_peaks(power, PEAKS)], step))
@@ -285,8 +289,11 @@ def highest_peaks(power: Array, count: int) -> list[int]:
 
 
 def between_scanned(best: Iterable[float], step: float) -> list[float]:
-    """Whole numbers about the best of a scan, up to the next that it looked at; `ABOUT` of each where they are many."""
-    offsets = np.unique(np.round(np.linspace(1 - step, step - 1, int(min(2 * step - 1, ABOUT)))))
+    """Return whole numbers about the best of a scan, up to the next that it looked at.
+
+    Of each best one they are `NEIGHBOURING_ORDERS` where there are more.
+    """
+    offsets = np.unique(np.round(np.linspace(1 - step, step - 1, int(min(2 * step - 1, NEIGHBOURING_ORDERS)))))
     return sorted({float(m + d) for m in best for d in offsets if m + d >= 1})
 
 

@@ -22,12 +22,14 @@ from gimbalcal.views.core import Fit, View
 ROUNDING = 1e-14  # of functions of order one: sines of half turns are 1e-16, cubes of a millidegree more
 PLACES = 150  # with more of them, a smooth function of the direction of gravity says it better
 SETTINGS = 16  # of a gimbal; with more of them, harmonics say it better
-ALIKE = 0.97  # correlation from which a simple law is one that the catalogue has
-SLOWEST = 2000  # reduced rows on which that is judged: all of 18 positions, the slowest of a static run
+MIN_CORRELATION = 0.97  # correlation from which a simple law is one that the catalogue has
+MAX_JUDGED_ROWS = 2000  # reduced rows on which that is judged: all of 18 positions, the slowest of a static run
 RIVAL_SIGMA = 3.0  # prior size of one shape, in sigmas of a row: mixed over 0.1 to 100 like every other
 SLOW, FAST = range(1, 9), range(9, 21)  # half periods of a course in time
 CURVE = range(4, 10)  # degrees of a curve: a square and a cube have causes
-VAGUE = 0.03  # of a shape, which directions read with noise still tell where the model has taken all that poses tell
+MIN_SHAPE_SHARE = (
+    0.03  # of a shape, which directions read with noise still tell where the model has taken all that poses tell
+)
 MIN_TRAVEL_RAD = 1e-2  # a gimbal that moves less stands still
 Shape = tuple[str, str, Array]  # name, in words, basis (n, m)
 
@@ -55,23 +57,23 @@ def shapes_in_outputs(o: Fit, blocks: list[Array]) -> list[Candidate]:
 
 def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
     """Products and powers of what was recorded, as outputs of one accelerometer, less those that have a cause."""
-    Q = orthonormal(o.reduced(o.Z)[:SLOWEST])
+    Q = orthonormal(o.reduced(o.Z)[:MAX_JUDGED_ROWS])
 
     def normalised(X: Array) -> Array:
         """Return columns of length one, less what the calibration constants take up of them."""
-        X = X[:SLOWEST]
+        X = X[:MAX_JUDGED_ROWS]
         remainder = X - Q @ (Q.T @ X)
         size = np.sqrt((remainder**2).sum(axis=0))
         return remainder / np.where(size > 1e-3 * np.sqrt((X**2).sum(axis=0)) + 1e-300, size, np.inf)
 
-    known = normalised(np.concatenate([b[:SLOWEST] for b in blocks], axis=1))
+    known = normalised(np.concatenate([b[:MAX_JUDGED_ROWS] for b in blocks], axis=1))
     out = []
     for name, (words, bases) in product_laws(o).items():
         for axis, along in accelerometer_responses(o):
             variants = []
             for basis in bases:
                 X = o.reduced(along[:, :, None] * unit_rms(basis)[:, None, :])
-                if X.any() and np.abs(known.T @ normalised(X)).max(axis=0).min() < ALIKE:
+                if X.any() and np.abs(known.T @ normalised(X)).max(axis=0).min() < MIN_CORRELATION:
                     variants.append(Variant((), tuple(appended_to(blocks, X * RIVAL_SIGMA))))
             if variants:
                 out.append(Candidate(f"unknown {name}", axis, (), tuple(variants), rival=words))
@@ -158,7 +160,7 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
             A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
             remainder = A - Q @ (Q.T @ A)
             _, S, Vt = np.linalg.svd(remainder, full_matrices=False)
-            clear = S > VAGUE
+            clear = S > MIN_SHAPE_SHARE
             X = remainder @ Vt[clear].T / S[clear] * np.sqrt(misfit.size) * rms
             X = X.reshape(*misfit.shape, -1) / w[..., None]
             if X.shape[-1]:
@@ -200,10 +202,10 @@ def _of_rate(rate: Array) -> Array:
 
 
 def combinations_beyond(X: Array, Q: Array) -> Array:
-    """Combinations (n, C, q) of unit columns X (n, C, p) of which Q (n C, m) leaves more than `VAGUE`."""
+    """Combinations (n, C, q) of unit columns X (n, C, p) of which Q (n C, m) leaves more than `MIN_SHAPE_SHARE`."""
     A = X.reshape(len(Q), -1)
     _, S, Vt = np.linalg.svd(A - Q @ (Q.T @ A), full_matrices=False)
-    clear = S > VAGUE * np.sqrt(len(X))
+    clear = S > MIN_SHAPE_SHARE * np.sqrt(len(X))
     remainder = X if np.all(clear) else X @ Vt[clear].T
     unit = unit_rms(remainder.reshape(len(Q), -1)).reshape(remainder.shape)
     return unit / np.sqrt(X.shape[1])  # one channel holds it all

@@ -14,8 +14,8 @@ from gimbalcal.effects.history import smoothed_rate
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
-CENTRED = ("time", "logged")  # groups without a natural zero: powers are of the difference from the middle
-LEAST = {"force": 0.1, "angle": 1e-2, "rate": 1e-2, "move": 0.1}  # SI: what varies less stands still
+CENTRED_GROUPS = ("time", "logged")  # groups without a natural zero: powers are of the difference from the middle
+MIN_VARIATION = {"force": 0.1, "angle": 1e-2, "rate": 1e-2, "move": 0.1}  # SI: what varies less stands still
 RESERVED = frozenset(("S", "N", "I", "E", "O", "Q", "pi", "beta", "gamma", "zeta"))  # names that sympy reads otherwise
 LETTER = re.compile("([a-z]|tau|x0|phi|level)[0-9]?")  # what coefficients and constants are called
 
@@ -49,7 +49,7 @@ def variables(s: Stimulus, still: bool = False) -> tuple[Variable, ...]:
 
 def is_variable(v: Variable) -> bool:
     """Return whether a variable is more than a constant in its rows."""
-    return bool(np.ptp(v.x) > LEAST.get(v.group, 0.0))
+    return bool(np.ptp(v.x) > MIN_VARIATION.get(v.group, 0.0))
 
 
 def joined_variables(each: Sequence[Sequence[Variable]]) -> tuple[Variable, ...]:
@@ -60,7 +60,7 @@ def joined_variables(each: Sequence[Sequence[Variable]]) -> tuple[Variable, ...]
     for vs in (vs for vs in shared if len({(v.unit, v.group) for v in vs}) == 1):
         x = np.concatenate([v.x for v in vs])
         at = vs[0].reference if len({v.reference for v in vs}) == 1 else float(x.mean())
-        out.append(replace(vs[0], x=x, origin=middle_value(x) if vs[0].group in CENTRED else 0.0, reference=at))
+        out.append(replace(vs[0], x=x, origin=middle_value(x) if vs[0].group in CENTRED_GROUPS else 0.0, reference=at))
     return tuple(v for v in out if is_variable(v))
 
 

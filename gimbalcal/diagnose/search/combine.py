@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.odds import DETECTED
+from gimbalcal.diagnose.evidence.odds import DETECTION_EVIDENCE
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.ranking import ABSENT, Ranking, Search, evidence_beside, log_priors, ranked_hypotheses
 from gimbalcal.number import Array
@@ -71,7 +71,7 @@ def combine_rankings(searches: Sequence[Search]) -> Ranking:
     prior = log_priors(candidates)
     c = CombinedRanking(Library(candidates, np.zeros((0, 0))), (), prior, tuple(searches), place)
     ln = c.summed([s.singles for s in searches])
-    own = [{} if ln.max() > DETECTED else _own_pairs(s) for s in searches]
+    own = [{} if ln.max() > DETECTION_EVIDENCE else _own_pairs(s) for s in searches]
 
     def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
         return _with_second(c, members, seconds, keep, own)[list(seconds)]
@@ -108,7 +108,7 @@ def _with_second(
 def _own_pairs(s: Search) -> Pairs:
     """ln BF of each cause with each other where a recording, showing nothing by itself, has tried them all."""
     out: Pairs = {}
-    if s.singles.max() <= DETECTED:
+    if s.singles.max() <= DETECTION_EVIDENCE:
         for h in s.hypotheses:
             if len(h.members) == 2:
                 for i, j in (h.members, h.members[::-1]):

@@ -15,7 +15,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.noises import possible_noises
-from gimbalcal.diagnose.evidence.odds import BESIDE, CLAIM, DETECTED, OFTEN, PAIR, SINGLE, UNKNOWN
+from gimbalcal.diagnose.evidence.odds import BESIDE, CLAIM, DETECTION_EVIDENCE, PAIR, SINGLE, UNKNOWN, USUAL_CAUSE_BONUS
 from gimbalcal.diagnose.evidence.projection import (
     Projection,
     ReducedRows,
@@ -40,8 +40,8 @@ from gimbalcal.views.core import Fit
 FIRST = 14  # of them
 KEEP, KEEP_FEW = 8, 2  # noises over which a second cause is judged, where something is found and where nothing is
 ABSENT = -1  # place of a candidate in the library of a view that does not see it
-CLOSE = 5.0  # nats behind the likeliest scales of channels, within which a second cause is judged at others
-VISIBLE = 0.05  # sigmas per prior sigma: less is not seen by this recording at any plausible size
+MAX_NATS_BEHIND = 5.0  # nats behind the likeliest scales of channels, within which a second cause is judged at others
+MIN_SIGMAS_PER_PRIOR = 0.05  # sigmas per prior sigma: less is not seen by this recording at any plausible size
 
 
 Factors = tuple[Array, Array, Array]
@@ -165,7 +165,7 @@ def log_priors(candidates: Sequence[Candidate], recording_kind: str = "") -> Arr
     """
     together, single = (Counter(c.effect for c in candidates if ("," in c.axis) is wide) for wide in (True, False))
     share = np.array([
-        OFTEN * is_usual(c, recording_kind)
+        USUAL_CAUSE_BONUS * is_usual(c, recording_kind)
         - np.log((together if "," in c.axis else single)[c.effect])
         - np.log(2) * (together[c.effect] > 0 and single[c.effect] > 0)
         for c in candidates
@@ -276,7 +276,7 @@ def ranked_hypotheses(
 def visible_candidates(library: Library, p: Projection) -> Library:
     """Only candidates of which the calibration leaves something at ten times their plausible size."""
     norm = np.sqrt(p.G.diagonal)
-    kept = [c for c in library.candidates if max(norm[list(v.index)].max() for v in c.variants) > VISIBLE]
+    kept = [c for c in library.candidates if max(norm[list(v.index)].max() for v in c.variants) > MIN_SIGMAS_PER_PRIOR]
     return Library(tuple(kept), library.X)
 
 
@@ -301,7 +301,7 @@ def promising_pairs(
     unknown, `floor` the ln weight, less that of a single cause, that a pair must reach for a third to be tried.
     """
     rival = np.array([bool(c.rival) for c in candidates])
-    detected = bool(ln.max() > DETECTED)
+    detected = bool(ln.max() > DETECTION_EVIDENCE)
     known = [int(i) for i in np.argsort(-(ln + prior)) if not rival[i]]
     seconds = [j for j in range(len(candidates)) if detected or not rival[j]]
     best: dict[tuple[int, int], float] = {}
@@ -363,7 +363,7 @@ def weightiest_noises(projections: Sequence[Projection], ln: Array, keep: int) -
     best = np.argsort(-ln)
     if not other.any():
         return set(best[:keep].tolist())
-    return {int(k) for k in best[:keep] if ln[k] > ln[best[0]] - CLOSE}
+    return {int(k) for k in best[:keep] if ln[k] > ln[best[0]] - MAX_NATS_BEHIND}
 
 
 def given_all(p: Projection, causes: Sequence[Candidate], ln: float, looser: int = 0) -> tuple[Projection, float]:

@@ -21,9 +21,9 @@ from gimbalcal.views.core import Fit, absent_effect
 from gimbalcal.views.known_attitude import shifted_stimulus
 
 ROUNDS = 6  # refinements of a constant, each narrowing its range fourfold
-FLAT = 1.0  # nats between the best and the worst value of a refinement: these are closer than half a sigma then
-FINE = 7  # values of a constant in one refinement
-CLOSE = 25.0  # nats behind the best within which a cause is worth refining
+FLAT_NATS = 1.0  # nats between the best and the worst value of a refinement: these are closer than half a sigma then
+FINE_VALUES = 7  # values of a constant in one refinement
+MAX_NATS_BEHIND = 25.0  # nats behind the best within which a cause is worth refining
 SECANTS = 8  # steps of size and calibration together; they settle in three or four
 BRANCHES = 3  # positions at which the sign of a force may turn out to be the other one
 
@@ -38,7 +38,7 @@ def refine_constants(
     stated = max(projections, key=lambda p: p.node.prior)  # a larger noise would hide that a law is on a wrong branch
     blocks, candidates, at = [library.X], list(library.candidates), library.X.shape[1]
     for i, c in enumerate(library.candidates):
-        if c.rival or total[i] < best - CLOSE - 0.2 * best:
+        if c.rival or total[i] < best - MAX_NATS_BEHIND - 0.2 * best:
             continue
         p = projections[int(np.argmax(joint[:, i]))]
         refined = narrowed_values(o, c, p, rows) if continuous_constants(c) else relinearised_candidate(o, c, stated)
@@ -71,16 +71,18 @@ def narrowed_values(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> l
         flat = True
         for f in fields:
             tried = []
-            for value in np.clip(values_between(f, *ranges[f.name], FINE + 2)[1:-1], *limits(f, o.view.stimulus)):
+            for value in np.clip(
+                values_between(f, *ranges[f.name], FINE_VALUES + 2)[1:-1], *limits(f, o.view.stimulus)
+            ):
                 there = {**here, f.name: float(value)}
                 X = columns_at(o, c, tuple(there.items()))
                 ln = float(any_size(projection_of_columns(p, rows, X), np.arange(X.shape[1])))
-                refined.append((Variant(tuple(there.items()), (), share / FINE), X))
+                refined.append((Variant(tuple(there.items()), (), share / FINE_VALUES), X))
                 tried.append(ln)
                 if ln > best:
                     best, here = ln, there
             ranges[f.name] = shrink_cell(ranges[f.name], here[f.name])
-            flat = flat and float(np.ptp(tried or [0.0])) < FLAT
+            flat = flat and float(np.ptp(tried or [0.0])) < FLAT_NATS
         share /= 3
         if flat:
             break
@@ -95,7 +97,7 @@ def neighbouring_values(c: Candidate, name: str, value: float) -> tuple[float, f
 
 
 def shrink_cell(cell: tuple[float, float], value: float) -> tuple[float, float]:
-    width = (cell[1] - cell[0]) / (FINE + 1)
+    width = (cell[1] - cell[0]) / (FINE_VALUES + 1)
     return value - width, value + width
 
 

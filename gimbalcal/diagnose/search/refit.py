@@ -19,7 +19,7 @@ from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, View, range_of_constants
 
 RANK = 1e-7  # relative singular value of a modelled column below which it is one of the others again
-SETTLED = 1e-7  # step in prior sigmas at which a fit has arrived
+CONVERGED_STEP = 1e-7  # step in prior sigmas at which a fit has arrived
 ROUNDS = 3  # of fits in the scales that the one before leaves of each channel
 SCALES_AGREE = 0.03  # relative change of a scale at which these rounds end
 MAX_MEMORY_OF_SENSORS = 0.9  # of noise in which sensors have scales of their own; with more, one of them walks
@@ -107,7 +107,7 @@ def minimum_over(
             return np.full((1, n), np.inf), np.zeros((1, n, free.shape[1]))
         return v.noise.weighted(r).reshape(1, -1), -(v.noise.weighted(J).reshape(r.size, -1) @ free)[None]
 
-    minimum = minimise(at, c0[None], SETTLED, gain=GAIN, damping=1e-9)
+    minimum = minimise(at, c0[None], CONVERGED_STEP, gain=GAIN, damping=1e-9)
     return with_values(effects, wanted, np.clip(x0 + free @ minimum.x[0], low, high), names), minimum.x[0]
 
 

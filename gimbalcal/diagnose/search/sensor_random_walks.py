@@ -27,8 +27,8 @@ from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.views.core import View
 
-MOST = 12  # of these noises, the likeliest: each is as much work as one of the grid
-CLOSE = 5.0  # nats behind the likeliest within which they count
+MAX_WALK_NOISES = 12  # of these noises, the likeliest: each is as much work as one of the grid
+MAX_NATS_BEHIND = 5.0  # nats behind the likeliest within which they count
 
 
 def likely_wandering_noises(s: Search) -> tuple[Node, ...]:
@@ -64,7 +64,7 @@ def all_walk(s: Search) -> bool:
 
 def likeliest_walks(ln: Array) -> list[int]:
     """Ordinals of the noises that count, by ln prior x likelihood (nodes,) of each."""
-    return [int(k) for k in np.argsort(-ln)[:MOST] if ln[k] > ln.max() - CLOSE]
+    return [int(k) for k in np.argsort(-ln)[:MAX_WALK_NOISES] if ln[k] > ln.max() - MAX_NATS_BEHIND]
 
 
 def noise_weights(s: Search, nodes: Sequence[Node]) -> Array:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.noises import possible_noises
-from gimbalcal.diagnose.evidence.odds import CLAIM, OFTEN, SINGLE
+from gimbalcal.diagnose.evidence.odds import CLAIM, SINGLE, USUAL_CAUSE_BONUS
 from gimbalcal.diagnose.evidence.scale import NEAR_PRIOR, NEAR_SIZES, Free
 from gimbalcal.diagnose.library.assemble import assemble_library, constants_of
 from gimbalcal.diagnose.library.candidates import Candidate, Library, SelectedCause, Variant
@@ -280,7 +280,7 @@ def backward_eliminate(first: Fit, selected: Sequence[SelectedCause], progress: 
 
 def needed_evidence(fit: Fit, cause: Candidate) -> float:
     """Return the ln Bayes factor that a cause needs: less for what every unit of the kind has and its model lacks."""
-    return float(CLAIM - OFTEN * is_usual(cause, fit.view.kind))
+    return float(CLAIM - USUAL_CAUSE_BONUS * is_usual(cause, fit.view.kind))
 
 
 def evidence_for(without: Fit, selected: SelectedCause) -> float:

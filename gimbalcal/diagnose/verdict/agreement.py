@@ -29,10 +29,12 @@ from gimbalcal.number import Array
 from gimbalcal.words.diagnosis_sentences import constants_disagreement, size_disagreement
 
 MIN_P_VALUE_OF_A_SIZE = 1e-3  # below it a size differs between recordings
-UNOBSERVABLE = 1e-13  # of the largest eigenvalue of a covariance: exact zeros left by a direction without information
-NAMED = 3  # constants
-CLEAR = 3.0  # sigmas by which a constant that is named differs
-KNOWN = 0.5  # of its prior: a constant of less certainty is what the prior said
+ZERO_EIGENVALUE = (
+    1e-13  # of the largest eigenvalue of a covariance: exact zeros left by a direction without information
+)
+MAX_NAMED = 3  # constants
+MIN_DIFFERENCE_SIGMAS = 3.0  # sigmas by which a constant that is named differs
+KNOWN_SHARE_OF_PRIOR = 0.5  # of its prior: a constant of less certainty is what the prior said
 
 
 def disagreement_sentence(agreement: Agreement, name: str) -> str:
@@ -82,7 +84,7 @@ class ConstantsAgreement(Entry):
 def mean_of(sizes: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Agreement]:
     """Return the mean (p,) of sizes (p,) that each have a weight (p, p), its covariance (p, p), and their agreement."""
     N = np.sum([weight for _, weight in sizes], axis=0)
-    C = np.linalg.pinv(N, rcond=UNOBSERVABLE, hermitian=True)
+    C = np.linalg.pinv(N, rcond=ZERO_EIGENVALUE, hermitian=True)
     mean = C @ np.sum([weight @ x for x, weight in sizes], axis=0)
     chi2 = float(sum((x - mean) @ weight @ (x - mean) for x, weight in sizes))
     rank = [int(np.linalg.matrix_rank(weight, hermitian=True)) for weight in (*(w for _, w in sizes), N)]
@@ -94,7 +96,7 @@ def inverse_of(covariance: Array) -> Array:
     """Return the inverse of a covariance (p, p) whose exact zeros mean that nothing is known."""
     if not covariance.size:
         return covariance
-    return np.asarray(np.linalg.pinv(covariance, rcond=UNOBSERVABLE, hermitian=True))
+    return np.asarray(np.linalg.pinv(covariance, rcond=ZERO_EIGENVALUE, hermitian=True))
 
 
 def agreement_on_constants(each: Sequence[Information]) -> ConstantsAgreement:
@@ -121,8 +123,10 @@ def constant_differences(before: Solution, after: Solution) -> tuple[tuple[Param
     both = [p for p in after.parameters if p in before.parameters]
     i, j = ([s.parameters.index(p) for p in both] for s in (before, after))
     d, sigma = after.x[j] - before.x[i], np.hypot(after.sigma[j], before.sigma[i])
-    known = np.maximum(after.sigma[j], before.sigma[i]) < KNOWN * np.array([p.sigma for p in both])
+    known = np.maximum(after.sigma[j], before.sigma[i]) < KNOWN_SHARE_OF_PRIOR * np.array([p.sigma for p in both])
     clearest = float(np.max(np.abs(d / sigma)[known], initial=0.0))
     chance = min(1.0, 2 * float(ndtr(-clearest)) * max(int(known.sum()), 1))
-    order = [k for k in np.argsort(-np.abs(d) / sigma) if known[k] and abs(d[k]) > CLEAR * sigma[k]][:NAMED]
+    order = [k for k in np.argsort(-np.abs(d) / sigma) if known[k] and abs(d[k]) > MIN_DIFFERENCE_SIGMAS * sigma[k]][
+        :MAX_NAMED
+    ]
     return tuple(both[k] for k in order), d[order], sigma[order], chance

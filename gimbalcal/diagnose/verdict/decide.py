@@ -14,7 +14,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.odds import CLAIM, NEARLY, OUTSIDE, SURE, TOGETHER, UNSURE
+from gimbalcal.diagnose.evidence.odds import (
+    CLAIM,
+    MIN_SHARE_WITH_REST,
+    SEPARATION_EVIDENCE,
+    SURE_PROBABILITY,
+    UNKNOWN_LAW_SHARE,
+    UNSURE_FACTOR,
+)
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, given_all, without_unclaimed
 from gimbalcal.diagnose.verdict.judgement import Judgement, best_evidence, judge_member
 from gimbalcal.number import Array
@@ -50,7 +57,7 @@ def decide(s: Ranking, threshold: float = CLAIM) -> Decision:
     rest = likely_shapes(s) if s.unknown > 0.5 else ()
     named = (h for h in s.hypotheses if not h.unknown(candidates) and (not rest or len(h.members) == 1))
     known = next(named, None)
-    if known is None or (rest and known.ln_bayes < NEARLY * max(h.ln_bayes for h in s.hypotheses)):
+    if known is None or (rest and known.ln_bayes < MIN_SHARE_WITH_REST * max(h.ln_bayes for h in s.hypotheses)):
         return Decision("unexplained", shapes=rest, unknown=s.unknown)
     best = simplest_axes(s, without_unclaimed(s, known))
     judgements = tuple(
@@ -58,11 +65,11 @@ def decide(s: Ranking, threshold: float = CLAIM) -> Decision:
         for member in best.members
         for others in [tuple(i for i in best.members if i != member)]
     )
-    sure = min(j.probability for j in judgements) >= SURE / 2 and not any(j.alike for j in judgements)
+    sure = min(j.probability for j in judgements) >= SURE_PROBABILITY / 2 and not any(j.alike for j in judgements)
     d = Decision("missing-physics" if sure else "not-identifiable", best, judgements, rest, s.unknown)
     if rest or noise_gain(s, best.members) < CLAIM:
         return d
-    return d.scaled(lambda p: UNSURE * p)
+    return d.scaled(lambda p: UNSURE_FACTOR * p)
 
 
 def decide_unnamed(s: Ranking) -> Decision:
@@ -77,7 +84,7 @@ def claim_threshold(clean: Array) -> float:
 
 def reported_probability(probability: float) -> float:
     """Return a probability among all causes and shapes that were compared as it is reported: never more than 90 %."""
-    return round(min(probability, 1 - OUTSIDE), 4)
+    return round(min(probability, 1 - UNKNOWN_LAW_SHARE), 4)
 
 
 def noise_gain(s: Ranking, members: Sequence[int]) -> float:
@@ -106,7 +113,7 @@ def simplest_axes(s: Ranking, best: Hypothesis) -> Hypothesis:
     if len(best.members) != 1 or "," not in c[best.members[0]].axis:
         return best
     same = [h for h in s.hypotheses if len(h.members) == 1 and c[h.members[0]].effect == c[best.members[0]].effect]
-    few = [h for h in same if h.ln_bayes > best.ln_bayes - TOGETHER]
+    few = [h for h in same if h.ln_bayes > best.ln_bayes - SEPARATION_EVIDENCE]
     return min(few, key=lambda h: (len(c[h.members[0]].parameters), -h.ln_bayes))
 
 

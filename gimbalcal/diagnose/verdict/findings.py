@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.odds import CLAIM, LIKELY
+from gimbalcal.diagnose.evidence.odds import CLAIM, MIN_WIDENING_PROBABILITY
 from gimbalcal.diagnose.library.candidates import Candidate, SelectedCause
 from gimbalcal.diagnose.result import Estimate, Finding, RecordingSize, SizeAgreement
 from gimbalcal.diagnose.search.ranking import Ranking, is_usual
@@ -71,7 +71,7 @@ def confirm_causes(c: SearchResult, progress: Progress) -> tuple[SearchResult, l
             continue
         kind = c.start.view.kind  # of causes that are equally poor, what every rig has goes last
         least = min(verdicts, key=lambda j: (j.probability, is_usual(j.cause, kind)), default=None)
-        if least is not None and least.probability < LIKELY:
+        if least is not None and least.probability < MIN_WIDENING_PROBABILITY:
             refusal, why = least.cause, "another cause or correlated noise is likelier"
         elif worse := worsening_cause(c, verdicts):
             refusal, why = worse, "held-out rows are predicted better without it"

@@ -56,12 +56,14 @@ from gimbalcal.recording import when_recorded
 from gimbalcal.views.core import View, range_of_constants
 from gimbalcal.words.naming import without_underscores
 
-UNLIKELY = 1e-3  # probability of a noise below which it is left out of the mean
-SETTLED = 1e-3  # of a sigma
+MIN_NOISE_PROBABILITY = 1e-3  # probability of a noise below which it is left out of the mean
+CONVERGED_SIGMAS = 1e-3  # of a sigma
 ROUNDING = 1e-9  # of a constant that was chosen among values, below which its sigma is rounding
 MIN_CHI2_DIFFERENCE = 9.0  # by which causes with constants of their own fit better than one effect can
-UNREADABLE = 1e100  # misfit of constants with which no force could have been read
-WIDE = 30.0  # sigmas that the prior of a cause spans at least: what rows know less well than a prior is held at zero
+UNREADABLE_MISFIT = 1e100  # misfit of constants with which no force could have been read
+WIDE_SIGMAS = (
+    30.0  # sigmas that the prior of a cause spans at least: what rows know less well than a prior is held at zero
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +152,7 @@ class RecordingPart:
             raise InputError("no force that these constants allow was read")
         x = values(effects, self.wanted)
         A[:, -1] += A[:, :-1] @ x
-        likely = np.flatnonzero(self.fit.weights > UNLIKELY)
+        likely = np.flatnonzero(self.fit.weights > MIN_NOISE_PROBABILITY)
         white = (self.search.projections[k].node.whiten(A) for k in likely)
         every = [information(W[:, :-1], W[:, -1], priors) for W in white]
         return mean_information(every, self.fit.weights[likely] / self.fit.weights[likely].sum())
@@ -406,14 +408,14 @@ def _least_squares(part: RecordingPart, wide: Mapping[Parameter, Parameter]) -> 
             try:
                 info = part.information(with_values(model, wanted, x, s.axis_names), wide)
             except InputError:  # further than the model goes
-                info = Information(priors, np.append(np.zeros(len(wanted)), UNREADABLE)[None], 1)
+                info = Information(priors, np.append(np.zeros(len(wanted)), UNREADABLE_MISFIT)[None], 1)
             tried[x.tobytes()] = info
         return tried[x.tobytes()]
 
     def arrived(_: int, x: Array, solution: Solution) -> bool:
         nonlocal last
         last = x
-        return bool(np.all(np.abs(solution.x - x) <= SETTLED * solution.sigma))
+        return bool(np.all(np.abs(solution.x - x) <= CONVERGED_SIGMAS * solution.sigma))
 
     bounds, start = range_of_constants(wanted, s), values(model, wanted)
     baseline = part.search.fit  # whose constants read what was read, where those beside the causes may not
@@ -477,7 +479,7 @@ def wide_priors(parts: Sequence[RecordingPart]) -> dict[Parameter, Parameter]:
         sizes = [p for c in part.causes for p in c.parameters]
         sigma = np.sqrt(np.diag(part.fit.covariance)) * [p.sigma for p in sizes]
         for p, s in zip(sizes, sigma, strict=True):
-            out[p] = replace(p, sigma=max(p.sigma, WIDE * float(s), out.get(p, p).sigma))
+            out[p] = replace(p, sigma=max(p.sigma, WIDE_SIGMAS * float(s), out.get(p, p).sigma))
         for p in part.wanted:
             if p not in out and p not in part.search.fit.parameters:
                 out[p] = replace(p, mean=float(values(part.start, (p,))[0]))

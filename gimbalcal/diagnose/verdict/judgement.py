@@ -11,7 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.odds import LIKELY, SURE, TOGETHER, UNSURE
+from gimbalcal.diagnose.evidence.odds import (
+    MIN_WIDENING_PROBABILITY,
+    SEPARATION_EVIDENCE,
+    SURE_PROBABILITY,
+    UNSURE_FACTOR,
+)
 from gimbalcal.diagnose.evidence.projection import Projection, any_size, at_best, log_bayes, project
 from gimbalcal.diagnose.evidence.scale import ANY_SIZE
 from gimbalcal.diagnose.library.assemble import every_number
@@ -35,7 +40,7 @@ from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
 from gimbalcal.words.diagnosis_sentences import MAX_ALTERNATIVES
 
-CENTRAL = (0.16, 0.84)  # shares of the evidence below the ends of the interval of one sigma
+CENTRAL_INTERVAL = (0.16, 0.84)  # shares of the evidence below the ends of the interval of one sigma
 
 
 @dataclass(frozen=True)
@@ -72,7 +77,7 @@ def judge_member(s: Ranking, member: int, others: Sequence[int], scores: Array, 
     """
     p, candidates = s.posterior(), s.library.candidates
     alike = fits_alike(s, member, others, scores)
-    if not with_rest and probability_of_any(s, p, (member, *alike)) < SURE:
+    if not with_rest and probability_of_any(s, p, (member, *alike)) < SURE_PROBABILITY:
         alike = widen_alternatives(s, p, member, alike, others)
     probability = probability_of_any(s, p, (member, *alike), with_rest)
     return Judgement(candidates[member], probability, tuple(candidates[i] for i in alike))
@@ -92,7 +97,7 @@ def probability_of_any(s: Ranking, p: Array, alike: Sequence[int], with_rest: bo
 
     total = sum(w for h, w in zip(s.hypotheses, p, strict=True)
                 if (with_rest or not h.unknown(candidates)) and any(inside(i) for i in h.members))  # fmt: skip
-    return float(UNSURE * total if with_rest else total)
+    return float(UNSURE_FACTOR * total if with_rest else total)
 
 
 def fits_alike(s: Ranking, member: int, beside: Sequence[int], scores: Array) -> tuple[int, ...]:
@@ -101,7 +106,7 @@ def fits_alike(s: Ranking, member: int, beside: Sequence[int], scores: Array) ->
     alike = [
         int(i)
         for i in np.argsort(-scores)
-        if scores[i] > scores[member] - TOGETHER and not candidates[i].rival and i not in beside
+        if scores[i] > scores[member] - SEPARATION_EVIDENCE and not candidates[i].rival and i not in beside
     ]
     return distinct_candidates(candidates, member, alike)
 
@@ -121,12 +126,12 @@ def widen_alternatives(
     """Add the next likely causes until the set is sure or has three."""
     candidates = s.library.candidates
     for h, share in zip(s.hypotheses, p, strict=True):
-        if share < LIKELY:
+        if share < MIN_WIDENING_PROBABILITY:
             break
         extra = [i for i in h.members if i not in beside]
         if len(h.members) != len(beside) + 1 or h.unknown(candidates) or len(extra) != 1:
             continue
-        if len(alike) >= MAX_ALTERNATIVES - 1 or probability_of_any(s, p, (member, *alike)) >= SURE:
+        if len(alike) >= MAX_ALTERNATIVES - 1 or probability_of_any(s, p, (member, *alike)) >= SURE_PROBABILITY:
             break
         alike = (*alike, *distinct_candidates(candidates, member, [i for i in extra if i not in alike]))
         alike = distinct_candidates(candidates, member, alike)
@@ -221,7 +226,7 @@ def spread_of_number(s: Search, cause: Candidate) -> float:
     order = np.argsort(values)
     share = np.exp(np.array(ln) - max(ln))[order]
     below = np.cumsum(share) - share / 2
-    low, high = np.interp(np.array(CENTRAL) * share.sum(), below, np.array(values)[order])
+    low, high = np.interp(np.array(CENTRAL_INTERVAL) * share.sum(), below, np.array(values)[order])
     return float(high - low) / 2
 
 

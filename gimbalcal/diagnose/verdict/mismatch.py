@@ -29,12 +29,14 @@ from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences
 
 DRAWS = 400
-LEFT = 1e-4  # probability that a clean recording looks as bad: what leaves less does not explain the data
+CLEAN_PROBABILITY = 1e-4  # probability that a clean recording looks as bad: what leaves less does not explain the data
 MAX_CELLS = 6  # cells that are listed, strongest first
-WEAK = 0.25  # of the strongest statistic: weaker cells see the same mismatch from further away
-HELD = 1e-8  # of a column's square that the calibration leaves of it: less is rounding of what the model holds
+WEAK_RATIO = 0.25  # of the strongest statistic: weaker cells see the same mismatch from further away
+MIN_SQUARE_LEFT = (
+    1e-8  # of a column's square that the calibration leaves of it: less is rounding of what the model holds
+)
 RANK = 1e-8  # of a cell's largest eigenvalue: less is a direction that it does not have
-ODD = 1e-3  # p-value below which a pattern of the misfit is listed
+MAX_PATTERN_P = 1e-3  # p-value below which a pattern of the misfit is listed
 MAX_PATTERNS = 3  # that are listed, strongest first
 CHUNK = 256  # columns that are scanned at a time
 WINDOWS = 12  # stretches of time of a static run
@@ -99,7 +101,7 @@ def cleared_columns(X: Array, fitted: Array) -> Array:
     size = (X**2).sum(axis=0)
     for _ in range(2):  # once more for what rounding left
         X = X - fitted @ (fitted.T @ X)
-    return np.asarray(X * ((X**2).sum(axis=0) > HELD * size))
+    return np.asarray(X * ((X**2).sum(axis=0) > MIN_SQUARE_LEFT * size))
 
 
 def tail_probability(statistic: Array, dof: Array | float) -> Array:
@@ -189,7 +191,7 @@ def scanned_mismatches(s: Scan, at_least: int = 0) -> tuple[Mismatch, ...]:
     """Entries of `mismatch`: the significant cells (and `at_least` so many), positions of one channel joined."""
     order = [int(i) for i in np.argsort(-s.statistic)]
     order.sort(key=lambda i: float(s.p_values[i]))
-    strong = WEAK * float(s.statistic.max(initial=0.0))
+    strong = WEAK_RATIO * float(s.statistic.max(initial=0.0))
     chosen = [i for n, i in enumerate(order) if (s.p_values[i] < 0.05 and s.statistic[i] > strong) or n < at_least]
     cells: dict[tuple[str, str, str], list[int]] = {}
     for i in chosen:
@@ -235,7 +237,7 @@ def misfit_patterns(m: Fit) -> tuple[Mismatch, ...]:
         F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
         p = min(1.0, float(fdtrc(len(at), free, F)) * len(shapes))
         out.append((ln, F, p, c))
-    listed = sorted((t for t in out if t[2] < ODD), key=lambda t: -t[0])[:MAX_PATTERNS]
+    listed = sorted((t for t in out if t[2] < MAX_PATTERN_P), key=lambda t: -t[0])[:MAX_PATTERNS]
     return tuple(pattern_entry(m, c, F, p) for _, F, p, c in listed)
 
 

@@ -23,9 +23,9 @@ from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
 
-TRIED = 12  # variants of the other cause: the grid of its constants
-ENOUGH = 720  # rows of a static run that a planned one is laid out with
-SETTLED = 3.0  # nats: a factor 20
+MAX_VARIANTS = 12  # variants of the other cause: the grid of its constants
+MAX_PLANNED_ROWS = 720  # rows of a static run that a planned one is laid out with
+SETTLED_NATS = 3.0  # nats: a factor 20
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,14 @@ def advise_manoeuvre(o: Fit, cause: SelectedCause, size: Array, other: Candidate
 
 def fastest_manoeuvre(o: Fit, gained: Callable[[Fit], float]) -> Advice:
     """The manoeuvre of the menu that brings most per hour; `gained`: ln Bayes factor of the planned rows."""
-    step = max(1, len(o.view.source.time) // ENOUGH) if o.view.kind.stabilised else 1
+    step = max(1, len(o.view.source.time) // MAX_PLANNED_ROWS) if o.view.kind.stabilised else 1
     thin = o.view.source.select(slice(None, None, step))
     ids = tuple(dict.fromkeys(p.effect for p in o.parameters))
     best = Advice("", 0.0, 0.0)
     for m in available_manoeuvres(thin):
         planned = view_at_known_attitude(m.apply(thin), ids, o.effects)  # readings do not matter, only where and when
         ln_bayes = step * gained(fit_baseline(planned, o.effects, steps=0))
-        if ln_bayes > SETTLED and (not best.words or ln_bayes / m.hours > best.ln_bayes / best.hours):
+        if ln_bayes > SETTLED_NATS and (not best.words or ln_bayes / m.hours > best.ln_bayes / best.hours):
             best = Advice(m.words, ln_bayes, m.hours)
     return best
 
@@ -59,7 +59,7 @@ def fastest_manoeuvre(o: Fit, gained: Callable[[Fit], float]) -> Advice:
 def expected_separation(o: Fit, cause: SelectedCause, size: Array, other: Candidate) -> float:
     """Return the expected log Bayes factor between the two causes in the nominal noise."""
     signal = columns_at(o, cause[0], cause[1].constants) @ size[:, None]
-    return expected_ln_bayes(o, signal, [columns_at(o, other, v.constants) for v in other.variants[:TRIED]])
+    return expected_ln_bayes(o, signal, [columns_at(o, other, v.constants) for v in other.variants[:MAX_VARIANTS]])
 
 
 def expected_ln_bayes(o: Fit, signal: Array, others: Iterable[Array]) -> float:

@@ -28,9 +28,11 @@ from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
 DRAWS = 200  # clean recordings: the 99 % point rests on two of them, and CLAIM is above it but for odd designs
-SHOWS = 8.0  # sigmas
-FAINT = 0.08  # sigmas at the usual size; a hundred times that would not show: the calibration takes all of it
-UNLIKELY = 1e-4  # weight of a noise below which it is left out
+VISIBLE_SIGMAS = 8.0  # sigmas
+MIN_SIGNAL_SIGMAS = (
+    0.08  # sigmas at the usual size; a hundred times that would not show: the calibration takes all of it
+)
+MIN_NOISE_WEIGHT = 1e-4  # weight of a noise below which it is left out
 
 
 def clean_evidence(c: Ranking, rng: np.random.Generator) -> tuple[Array, tuple[Array, ...]]:
@@ -51,7 +53,7 @@ def evidence_of_any(singles: Array, share: Array) -> Array:
 def clean_singles(s: Search, rng: np.random.Generator) -> Array:
     """ln Bayes factors (candidates, DRAWS) of each candidate on simulated clean recordings, noise integrated over."""
     weights = np.exp(s.null - logsumexp(s.null))
-    kept = [k for k in np.argsort(-weights) if weights[k] > UNLIKELY]
+    kept = [k for k in np.argsort(-weights) if weights[k] > MIN_NOISE_WEIGHT]
     low, tail = draw_clean(s.rows, [s.projections[k] for k in kept], weights[kept], rng)
     empty, full = [], []
     for k in kept:
@@ -131,10 +133,10 @@ def detection_limits(
             shown[c.key] = (float(np.hypot(before, sigmas)), first, own)
     worst: dict[str, tuple[float, Candidate, Parameter]] = {}
     for sigmas, c, q in shown.values():
-        if sigmas > FAINT and sigmas < worst.get(c.effect, (np.inf,))[0]:
+        if sigmas > MIN_SIGNAL_SIGMAS and sigmas < worst.get(c.effect, (np.inf,))[0]:
             worst[c.effect] = (sigmas, c, q)
     return tuple(
-        DetectionLimit(effect, c.axis, float(from_si(SHOWS / sigmas * q.sigma, q.unit)),
+        DetectionLimit(effect, c.axis, float(from_si(VISIBLE_SIGMAS / sigmas * q.sigma, q.unit)),
                        float(from_si(q.sigma, q.unit)), q.unit)
         for effect, (sigmas, c, q) in sorted(worst.items())
     )  # fmt: skip

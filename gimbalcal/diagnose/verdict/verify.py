@@ -25,7 +25,7 @@ from gimbalcal.views.core import Fit
 from gimbalcal.views.slews import channel_delays
 
 SAME_WEIGHT = 1e-9  # of ln(sigma x weight), within which rows were fitted in these sigmas
-SHOWN = 1e-6  # share of a direction that the rows outside a group show; less is fitted by the group itself
+MIN_SHOWN_SHARE = 1e-6  # share of a direction that the rows outside a group show; less is fitted by the group itself
 
 
 def verify(f: FittedCauses, physical: Array, scan_p_before: float = 1.0, scan_p_after: float = 1.0) -> StatedNoiseFit:
@@ -87,7 +87,7 @@ def held_out(A: Array, y: Array, group: Array) -> Array:
     for k in np.unique(group):
         rows = group == k
         lam, V = eigh(np.eye(Q.shape[1]) - Q[rows].T @ Q[rows])
-        V = V[:, lam > SHOWN] / np.sqrt(lam[lam > SHOWN])
+        V = V[:, lam > MIN_SHOWN_SHARE] / np.sqrt(lam[lam > MIN_SHOWN_SHARE])
         out[rows] += Q[rows] @ (V @ (V.T @ (Q[rows].T @ e[rows])))
     return out
 

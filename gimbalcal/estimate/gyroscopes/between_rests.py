@@ -60,7 +60,7 @@ from gimbalcal.views.core import View
 from gimbalcal.views.turns import Turns, turns_between_rests
 
 LINEAR = GYROSCOPE_INPUT_TERMS
-FURTHER = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temperature", G_SENSITIVITY)
+FURTHER_TERMS = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temperature", G_SENSITIVITY)
 
 
 def gyroscopes_between_rests(
@@ -77,7 +77,7 @@ def gyroscopes_between_rests(
     """
     requested, further = (
         {a.effect for a in more},
-        [t for t in FURTHER if not lacking_quantity(CATALOGUE[t], recording.has)],
+        [t for t in FURTHER_TERMS if not lacking_quantity(CATALOGUE[t], recording.has)],
     )
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or (*LINEAR, *further)) if t not in requested)
     for t in wanted:

@@ -57,7 +57,7 @@ from gimbalcal.views.rate_table import (
 from gimbalcal.views.rest_rates import MIN_RATE_SIGMA
 
 BASE = (*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS)
-FURTHER = ("gyro_scale_asymmetry", "gyro_scale_nonlinearity")
+FURTHER_TERMS = ("gyro_scale_asymmetry", "gyro_scale_nonlinearity")
 MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some cannot be distinguished
 
 
@@ -203,10 +203,10 @@ def fit_with_supported_terms(
         if 3 * len(view) <= len(more) or _condition(view, more) > MAX_CONDITION_NUMBER:
             return f"{term} is left out: it takes more rates, both ways round"
         fit = _fit(view, more, linear.effects)
-        clear_of = needed_significance(number_of_coefficients(FURTHER), fit.dof_of_scatter)
+        clear_of = needed_significance(number_of_coefficients(FURTHER_TERMS), fit.dof_of_scatter)
         return refusal_sentence(term, f"{len(view)} stretches", without, fit, "rad/s", clear_of) or fit
 
-    fits, declined = select_terms(BASE, linear, [t for t in FURTHER if t not in requested], attempt)
+    fits, declined = select_terms(BASE, linear, [t for t in FURTHER_TERMS if t not in requested], attempt)
     return fits[-1][1], declined
 
 

@@ -29,7 +29,7 @@ MIN_SIGMAS = 3.0  # of a size that is doubted
 MAX_SCALE_ERROR = 0.2  # of the rate, or rad: no gyroscope on the market is off by as much, a wrong range is
 SMALL_RATE = 1e-3  # rad/s; what is linear in the rate shows alone
 MAX_CONDITION_NUMBER = 1e6  # condition number, columns of length one
-FAR = 0.1  # rad from row to row, by which a turn of changing rate is no longer followed
+MAX_TURN_PER_ROW_RAD = 0.1  # rad from row to row, by which a turn of changing rate is no longer followed
 MAX_ASTRAY = 0.1  # rad rms, by which a fit to turns may miss gravity: a hand-turned unit misses it by 0.01
 
 
@@ -144,6 +144,10 @@ def astray_in_words(turns: Turns, rms: float) -> list[str]:
     missed += " with any bias, scale factor and misalignment of the gyroscopes"
     clipped = _clipped_in_words(turns)
     step = turns.scale * float(np.max(np.linalg.norm(turns.reading, axis=-1) * turns.step))
-    few = f" or too few (the unit turns by up to {np.degrees(step):.0f} deg from one to the next)" if step > FAR else ""
+    few = (
+        f" or too few (the unit turns by up to {np.degrees(step):.0f} deg from one to the next)"
+        if step > MAX_TURN_PER_ROW_RAD
+        else ""
+    )
     other = f"rows on the way are missing{few}, or their clock, axes or units are not those of the recording"
     return [*clipped, missed] if clipped else [f"{missed}: {other}"]

@@ -32,7 +32,7 @@ from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.gyroscopes.residual_checks import MAX_RATE_SCATTER_RATIO
 from gimbalcal.estimate.pulses.gravity_norm import PulseFit, Pulses, unit_lower_triangular
-from gimbalcal.estimate.pulses.whole_turns import FREE, Revolutions, gyroscope_pulses
+from gimbalcal.estimate.pulses.whole_turns import FREE_ORDINALS, Revolutions, gyroscope_pulses
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.inference.levenberg import minimise
@@ -172,12 +172,12 @@ def _outcome(converged: bool, noise_is_known: bool, times: float) -> str:
 
 
 def _calibration(revolutions: Revolutions, fit: PulseFit, pairs: int, noise_is_known: bool) -> Calibration:
-    x = fit.pulses.vector()[0][FREE]
+    x = fit.pulses.vector()[0][FREE_ORDINALS]
     J = complex_step(as_effects, x)  # a change of variables, pulses to rate into physics to reading
     dof = 3 * pairs + revolutions.rest.shape[1] - 12
     chi2 = float(fit.chi2[0])
     scale = max(1.0, chi2 / max(dof, 1))
-    covariance = scale * J @ fit.covariance[0][np.ix_(FREE, FREE)] @ J.T
+    covariance = scale * J @ fit.covariance[0][np.ix_(FREE_ORDINALS, FREE_ORDINALS)] @ J.T
     wanted = triangular_parameters()
     excess = float(np.sqrt(chi2 / max(dof, 1)))
     options = Options(

@@ -25,7 +25,7 @@ from gimbalcal.inference.ellipsoid import ellipsoid
 from gimbalcal.inference.levenberg import minimise
 from gimbalcal.number import Array
 
-FREE = np.r_[0:6, 9:15]  # K1, K2, bias, E of the fifteen: Eq. (6) has no cubic term
+FREE_ORDINALS = np.r_[0:6, 9:15]  # K1, K2, bias, E of the fifteen: Eq. (6) has no cubic term
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def gyroscope_pulses(counted: Revolutions, *, both_senses: bool = True, guess: A
         start[usable, :3], start[usable, 9:] = second[usable, :3], second[usable, 6:]
         minimum = minimum.better(minimise(model, start))
     one = np.ones_like(K0)
-    return in_si(minimum, FREE, [K0, K0**2 / speed, one, speed * one, one])
+    return in_si(minimum, FREE_ORDINALS, [K0, K0**2 / speed, one, speed * one, one])
 
 
 def _shape(counted: Revolutions) -> tuple[int, int]:

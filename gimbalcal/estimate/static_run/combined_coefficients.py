@@ -42,7 +42,12 @@ from gimbalcal.number import Array
 from gimbalcal.readings import Readings
 
 ORDERS = (0, 1, 2)
-FITTED = (0, 1, 2, 3)  # the bends of x and y make a third harmonic, K g C^2 / 4, that must not pass for coloured noise
+FITTED_ORDERS = (
+    0,
+    1,
+    2,
+    3,
+)  # the bends of x and y make a third harmonic, K g C^2 / 4, that must not pass for coloured noise
 NAMES = force_filter.NAMES + tuple(f"{axis}_{k}" for axis in ("phi", "theta") for k in labels(ORDERS))
 MEANS = ("phi_0", "theta_0")  # base tilt and readout zeros go into these and into nothing else
 
@@ -103,8 +108,8 @@ def _force_operator(run: Readings) -> Operator:
 def _attitude_operator(run: Readings, i: int, name: str, y: Array, drift: int, noise: str) -> Operator:
     """Return the map from an attitude error to its combined coefficients, Eqs. (29)-(38), in its coloured noise."""
     time, weight = run.stimulus.time, run.recording.weight
-    h = fourier(time, run.phase, y, FITTED, weight, drift, noise)
-    A, q = design_matrix(time, run.phase, FITTED, drift), len(labels(ORDERS))
+    h = fourier(time, run.phase, y, FITTED_ORDERS, weight, drift, noise)
+    A, q = design_matrix(time, run.phase, FITTED_ORDERS, drift), len(labels(ORDERS))
 
     def apply(d: Array) -> Array:
         return least_squares(time, A, d[:, 0], weight, h.noise).beta[:q]

@@ -15,16 +15,16 @@ from numpy.testing import assert_allclose
 from gimbalcal import calibrate, load_effects
 from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.laws import law_claims
-from gimbalcal.diagnose.laws.expressions import Expression, terms
+from gimbalcal.diagnose.laws.expressions import Expression, terms_of_variable
 from gimbalcal.diagnose.laws.law_claims import (
     _evidence_without_two_groups,
-    _rivals,
     _visible_columns,
     causes_replaced_by_a_formula,
+    rival_laws,
     separating_manoeuvre,
 )
 from gimbalcal.diagnose.laws.law_curve import _held_out
-from gimbalcal.diagnose.laws.law_file import source
+from gimbalcal.diagnose.laws.law_file import source_text
 from gimbalcal.diagnose.laws.law_search import Ground, Law, Place
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.library.variables import variables
@@ -56,7 +56,7 @@ def sky(error, arcsec):
 
 def explained(d, r, there):
     """chi^2 over its degrees of freedom of the calibration with the laws, whose outcome has to be empty."""
-    (there / "law.py").write_text(source(d.laws))
+    (there / "law.py").write_text(source_text(d.laws))
     made = calibrate(r, more=load_effects(there / "law.py"))
     assert made.outcome == ""
     return made.residual.chi2 / made.residual.dof
@@ -144,7 +144,7 @@ def test_what_a_law_predicts_is_fitted_to_rows_evidence_without_two_groups():
     block, seen = o.view.noise.block, variables(o.rows.seen[Stage.ACCELEROMETER])
     place = Place("specific_force", "z", seen, o.view.stimulus, block, lambda X: X[:, None, :])
     follows = next(v for v in seen if v.name == "force_x")
-    law = Law((place,), Expression((terms(follows, o.view.stimulus, ("x^3",))[0],)), 50.0, ())
+    law = Law((place,), Expression((terms_of_variable(follows, o.view.stimulus, ("x^3",))[0],)), 50.0, ())
     n, rng = len(block), np.random.default_rng(5)
     B, one = law.expression.columns, np.ones((n, 1))
     y = 2 * B[:, 0] + np.std(B) * rng.standard_normal(n)
@@ -299,7 +299,7 @@ def test_a_law_of_all_axes_has_one_form_and_a_size_for_each(tmp_path):
         value = sympy.lambdify("temperature", sympy.sympify(law.expression))(T)
         assert np.abs(value - size * np.sin(2 * np.pi * T / 1.3)).max() < 0.2 * abs(size)
         assert np.nanstd(law.curve.observed - law.curve.law) < 22  # a sample has 20 ug of noise
-    assert source(d.laws).count("class ") == 1
+    assert source_text(d.laws).count("class ") == 1
     assert explained(d, r, tmp_path) < 1.1
 
 
@@ -362,7 +362,7 @@ def test_what_tells_a_law_from_the_next_is_taken_from_the_menu():
     x, *follows = (next(v for v in place.variables if v.name == n) for n in ("force_x", "time", "temperature"))
 
     def law(v):
-        plain = [terms(v, o.view.stimulus, ("x",))[0] for v in (x, v)]
+        plain = [terms_of_variable(v, o.view.stimulus, ("x",))[0] for v in (x, v)]
         return Law((place,), Expression(tuple(plain)).referred().without([0]), 50.0, ())
 
     time, warm = map(law, follows)
@@ -397,7 +397,7 @@ def test_what_has_a_name_keeps_it_beside_a_law(tmp_path):
     assert abs(a["value"] + 4.0) < 5 * a["sigma"] < 2 or abs(a["value"] - 4.0) < 5 * a["sigma"] < 2
     assert abs(b["value"]) < 4 * b["sigma"]
     assert law["beside"] == ["encoder_eccentricity:azimuth"]
-    (tmp_path / "law.py").write_text(source(d.laws))
+    (tmp_path / "law.py").write_text(source_text(d.laws))
     load_effects(tmp_path / "law.py")
     made = calibrate(r, more=[*law["beside"], law["with"]])
     assert made.outcome == ""
@@ -467,7 +467,7 @@ def test_a_formula_that_spans_a_cause_is_no_rival_of_it():
     other = made.fit.residual[:, :, None]  # all that there is to explain
 
     def rivals(columns):
-        return _rivals(made, [SimpleNamespace(columns=columns)], {name})
+        return rival_laws(made, [SimpleNamespace(columns=columns)], {name})
 
     assert not rivals(own)
     assert not rivals(np.concatenate([own, other], axis=2))

@@ -9,21 +9,30 @@ import sympy
 
 from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.laws import law_search
-from gimbalcal.diagnose.laws.expressions import FORMS, MULTIPLIED, Expression, Term, pairs, relatives, terms, triples
-from gimbalcal.diagnose.laws.law_claims import chosen
-from gimbalcal.diagnose.laws.law_file import _with as printed_form
-from gimbalcal.diagnose.laws.law_file import stated
+from gimbalcal.diagnose.laws.expressions import (
+    FORMS,
+    PRODUCT_FORMS,
+    Expression,
+    Term,
+    richer_forms,
+    term_pairs,
+    term_triples,
+    terms_of_variable,
+)
+from gimbalcal.diagnose.laws.law_claims import chosen_law
+from gimbalcal.diagnose.laws.law_file import law_as_written
+from gimbalcal.diagnose.laws.law_file import with_numbers as printed_form
 from gimbalcal.diagnose.laws.law_search import (
     BlockResponse,
     Ground,
     Law,
     Place,
     block_response,
-    centred,
-    gains,
+    centred_jumps,
     laws_of,
-    spanned,
-    trimmed,
+    likelihood_gains,
+    orthonormal_span,
+    trimmed_law,
 )
 from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.units import to_si
@@ -57,7 +66,7 @@ def test_columns_of_powers_span_the_same_functions_whatever_the_origin():
         v = Variable("temperature", "degC", x + shift, "", "logged", float(x.mean()) + shift)
         f = Variable("force_x", "g", np.cos(x), "", "force")
         cubic, plain = Term(v, FORMS["to x^3"], (), 1), Term(f, FORMS["x"], (), 1)
-        return spanned(Expression((cubic, plain)).columns)
+        return orthonormal_span(Expression((cubic, plain)).columns)
 
     A, B = columns(0.0), columns(273.15)
     np.testing.assert_allclose(A @ A.T, B @ B.T, atol=1e-9 * len(x))
@@ -70,7 +79,7 @@ def test_a_free_origin_stands_in_products_alone():
     pair = Expression((Term(T, FORMS["x"], (), 1), Term(f, FORMS["x"], (), 1)))
     assert pair.factors == [(-1, 0), (0, 0)]
     assert Expression((Term(T, FORMS["x"], (), 1),)).factors == [(0,)]
-    assert set(MULTIPLIED) == {"force", "angle", "rate", "time", "since", "logged", "course", "move"}
+    assert set(PRODUCT_FORMS) == {"force", "angle", "rate", "time", "since", "logged", "course", "move"}
 
 
 def test_what_goes_with_time_is_no_second_variable_of_a_product():
@@ -80,10 +89,10 @@ def test_what_goes_with_time_is_no_second_variable_of_a_product():
     hour = Variable("hour_angle", "rad", 7.3e-5 * t - 0.3, "", "angle")
     force = Variable("force_x", "g", np.cos(t), "", "force")
     every = [[Term(v, FORMS["x"], (), 1)] for v in (time, hour, force)]
-    made = {tuple(group.terms[0].variable.name for group in law) for law in pairs(every)}
+    made = {tuple(group.terms[0].variable.name for group in law) for law in term_pairs(every)}
     assert made == {("time", "force_x"), ("hour_angle", "force_x")}
-    assert triples(every) == []
-    assert len(triples([*every, [Term(replace(force, name="force_y", x=np.sin(t)), FORMS["x"], (), 1)]])) == 2
+    assert term_triples(every) == []
+    assert len(term_triples([*every, [Term(replace(force, name="force_y", x=np.sin(t)), FORMS["x"], (), 1)]])) == 2
 
 
 def test_a_formula_comes_before_a_cause_that_is_much_like_it():
@@ -141,7 +150,7 @@ def test_every_form_has_as_many_words_as_columns():
         t = Term(v, form, tuple(np.linspace(0.5, 2.5, n).tolist()), 1)
         assert t.columns.shape == (30, len(t.words))
     s = view_at_known_attitude(plant.record(np.random.default_rng(1), dwell=5)).stimulus
-    assert len(terms(v, s, ("fade", "log"))) == 13
+    assert len(terms_of_variable(v, s, ("fade", "log"))) == 13
 
 
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
@@ -152,7 +161,7 @@ def test_a_form_is_printed_in_the_units_of_its_coefficients(form):
     n = len(form.constants) or (4 if form.key == "table" else 0)
     constants = tuple(np.linspace(0.5, 2.5, n).tolist())
     t = Term(Variable("rate_z", unit, x, "", "rate"), form, constants, 1)
-    e, told = Expression((t,)), stated(Expression((t,)))
+    e, told = Expression((t,)), law_as_written(Expression((t,)))
     text = printed_form(told.text, {a: e.terms[i].printed(j, constants[j]) for a, i, j in told.constants})
     in_print = np.asarray(t.variable.printed(x))
     for k, (letter, by) in enumerate(told.coefficients):
@@ -170,7 +179,7 @@ def test_a_law_is_trimmed_where_the_calibration_has_as_many_parameters_as_there_
     place = Place("specific_force", "x", (T,), s, np.arange(n), lambda X: X[:, None, :])
     g = Ground((place,), lambda X: X.reshape(n, -1), np.eye(n), np.ones(n), lambda sets: np.zeros(len(sets)), (n, 1))
     law = Law((place,), Expression((Term(T, FORMS["to x^3"], (), 1),)), 0.0, block_response(g, [place]))
-    assert len(trimmed(g, law).expression.groups) == 1
+    assert len(trimmed_law(g, law).expression.groups) == 1
 
 
 def curved(size, shape=lambda T: np.maximum(T - 22.0, 0.0) ** 1.6):
@@ -192,7 +201,7 @@ def curved(size, shape=lambda T: np.maximum(T - 22.0, 0.0) ** 1.6):
 def test_the_likeliest_law_is_chosen_and_not_the_one_of_the_fewest_words():
     g, law = curved(3.0)
     laws = [law("step", 83.7, 24.2, 1.2), law("onset", 82.7, 22.2, 1.8), law("growth", 82.3, 1.0)]
-    best, others = chosen(g, laws, 0.0)
+    best, others = chosen_law(g, laws, 0.0)
     assert [t.form.key for t in best.expression.terms] == ["step"]
     assert {o.expression.terms[0].form.key for o in others} == {"onset", "growth"}
 
@@ -207,9 +216,9 @@ def test_a_constant_costs_how_finely_it_is_determined():
 
 def test_a_power_at_the_end_of_its_range_gives_way_to_another_form():
     g, law = curved(3.0)
-    best, _ = chosen(g, [law("onset", 50.0, 22.2, 0.2484), law("step", 49.0, 24.2, 1.2)], 0.0)
+    best, _ = chosen_law(g, [law("onset", 50.0, 22.2, 0.2484), law("step", 49.0, 24.2, 1.2)], 0.0)
     assert best.expression.terms[0].form.key == "step"
-    best, _ = chosen(g, [law("onset", 50.0, 22.2, 1.6), law("step", 48.0, 24.2, 1.2)], 0.0)
+    best, _ = chosen_law(g, [law("onset", 50.0, 22.2, 1.6), law("step", 48.0, 24.2, 1.2)], 0.0)
     assert best.expression.terms[0].form.key == "onset"
 
 
@@ -217,7 +226,7 @@ def test_a_jump_is_put_in_the_middle_of_where_the_data_allow_it():
     g, law = curved(30.0, lambda T: 1.0 * (T > 22.75))
     rows = law("above", 0.0, 22.0).expression.variables[0].x
     below, beyond = rows[29:31]
-    jump = centred(g, law("above", 50.0, below + 0.01 * (beyond - below)))
+    jump = centred_jumps(g, law("above", 50.0, below + 0.01 * (beyond - below)))
     assert jump.expression.terms[0].constants[0] == pytest.approx((below + beyond) / 2, abs=0.2 * (beyond - below))
 
 
@@ -238,12 +247,12 @@ def test_smooth_constants_are_refined_to_the_largest_likelihood_in_few_evaluatio
     _, law = curved(30.0)
     begun = law("onset", 0.0, 21.5, 2.0)
     calls = counted(monkeypatch, "means_of")
-    found = law_search._refined(begun.response, begun.expression)
+    found = law_search.refined_expression(begun.response, begun.expression)
     assert len(calls) < 45
     lattice = [begun.expression.at([(0, 0, c), (0, 1, p)])
                for c in np.linspace(21.8, 22.2, 41) for p in np.linspace(1.4, 1.8, 41)]  # fmt: skip
     columns = np.stack([begun.response.means_of(e) for e in (found, *lattice)], axis=-1)
-    worth = gains(begun.response, columns)[0]
+    worth = likelihood_gains(begun.response, columns)[0]
     assert worth[0] > worth.max() - 1e-3
     assert found.terms[0].constants == pytest.approx((22.0, 1.6), abs=0.05)
 
@@ -264,6 +273,6 @@ def test_no_wave_is_switched_that_does_not_come_round():
     made = {}
     for group, span, k in (("time", 2.0, 3.2), ("time", 2.0, 9.6), ("angle", 6.2, 4.0)):
         t = Term(Variable("v", "", span / 2 * x, "", group), FORMS["wave"], (k,), 1)
-        of = [own[0].terms[0] for own in relatives(Expression((t,)), several=False)]
+        of = [own[0].terms[0] for own in richer_forms(Expression((t,)), several=False)]
         made[group, k] = {round(o.constants[0], 6) for o in of if o.form.key in ("pulse", "sawtooth", "rectified")}
     assert made == {("time", 3.2): {3.2}, ("time", 9.6): {9.6, 4.8, 3.2}, ("angle", 4.0): {4.0, 2.0, 1.0}}

@@ -58,7 +58,7 @@ def test_every_column_has_an_owner():
 def test_of_many_places_those_that_explain_most_are_weighed_with_the_share_of_all(monkeypatch):
     o = observed(3, lambda b: turned(2, (b.visit == 6).astype(float)), dwell=6, size=60 * ARCSEC / UG)
     every = next(c for c in assemble_library(o).candidates if c.effect == "position_blunder")
-    monkeypatch.setattr("gimbalcal.diagnose.library.assemble.MOST", 5)
+    monkeypatch.setattr("gimbalcal.diagnose.library.assemble.MAX_CHOICES", 5)
     few = next(c for c in assemble_library(o).candidates if c.effect == "position_blunder")
     assert len(few.variants) == 5 < len(every.variants)
     assert few.tried == every.tried == 18

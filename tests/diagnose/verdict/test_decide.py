@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.odds import CLAIM, UNSURE
+from gimbalcal.diagnose.evidence.odds import CLAIM, UNSURE_FACTOR
 from gimbalcal.diagnose.evidence.stated_noise import noise_grid, scale_to_scatter
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.search.ranking import search
@@ -22,7 +22,7 @@ def test_a_cause_that_leaves_more_than_the_stated_noise_is_not_sure():
     s = searched(Law(unforeseen(1)["pier"], ()), 9821, 25.0, rows=120)
     d = decide(s)
     assert noise_gain(s, d.hypothesis.members) > CLAIM
-    assert max(j.probability for j in d.judgements) <= UNSURE
+    assert max(j.probability for j in d.judgements) <= UNSURE_FACTOR
 
 
 @pytest.mark.parametrize("name", ["asymmetry", "two-cycle"])
@@ -30,7 +30,7 @@ def test_a_cause_that_leaves_the_stated_noise_is_sure(name):
     s = searched(laws(1)[name], 5, 25.0)
     d = decide(s)
     assert noise_gain(s, d.hypothesis.members) < CLAIM
-    assert min(j.probability for j in d.judgements) > UNSURE
+    assert min(j.probability for j in d.judgements) > UNSURE_FACTOR
 
 
 def test_nothing_named_has_nothing_to_be_sure_of():

@@ -6,7 +6,7 @@ import pytest
 from gimbalcal.design.manoeuvres import available_manoeuvres, second_pass
 from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
 from gimbalcal.diagnose.verdict import separation as module
-from gimbalcal.diagnose.verdict.separation import SETTLED, Advice, advise_manoeuvre, expected_separation
+from gimbalcal.diagnose.verdict.separation import SETTLED_NATS, Advice, advise_manoeuvre, expected_separation
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
@@ -88,7 +88,7 @@ def test_the_manoeuvre_is_the_one_that_brings_most_per_hour(found, other, words)
 def test_a_long_static_run_is_planned_with_fewer_rows(monkeypatch):
     ramp, day = causes(REST, "bias_drift:x", "bias_temperature:x")
     whole = advise_manoeuvre(REST, (ramp, ramp.variants[0]), np.array([1.0]), day)
-    monkeypatch.setattr(module, "ENOUGH", 144)
+    monkeypatch.setattr(module, "MAX_PLANNED_ROWS", 144)
     half = advise_manoeuvre(REST, (ramp, ramp.variants[0]), np.array([1.0]), day)
     assert half.ln_bayes == pytest.approx(whole.ln_bayes, rel=0.02)  # every second row stands for two
 
@@ -97,7 +97,7 @@ def test_a_manoeuvre_that_brings_too_little_is_not_advised():
     """The expected ln Bayes factor goes with the square of the size: just above three nats, and just below."""
     i, j = causes(TABLE, "gimbal_friction:inner", "encoder_eccentricity:inner")
     best = advise_manoeuvre(TABLE, (i, i.variants[0]), np.array([20.0]), j)
-    enough = 20.0 * np.sqrt(SETTLED / best.ln_bayes)
+    enough = 20.0 * np.sqrt(SETTLED_NATS / best.ln_bayes)
     assert advise_manoeuvre(TABLE, (i, i.variants[0]), np.array([1.001 * enough]), j).words == REVERSED
     assert advise_manoeuvre(TABLE, (i, i.variants[0]), np.array([0.999 * enough]), j) == Advice("", 0.0, 0.0)
 

@@ -13,7 +13,7 @@ from gimbalcal.diagnose.known_noise import compare_causes
 from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search import sensor_random_walks
 from gimbalcal.diagnose.search.ranking import Hypothesis
-from gimbalcal.diagnose.search.sensor_random_walks import CLOSE, likely_wandering_noises, noise_weights
+from gimbalcal.diagnose.search.sensor_random_walks import MAX_NATS_BEHIND, likely_wandering_noises, noise_weights
 from gimbalcal.diagnose.verdict.decide import Decision
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding, decide_with_walk, without_single_walks
@@ -148,7 +148,7 @@ def test_a_walk_twenty_times_as_likely_as_any_cause_is_told_alone(monkeypatch, l
 @pytest.mark.parametrize(
     ("ln_total", "ln", "kept"),
     [(CLAIM - 0.1, [9.0, 8.0], []),  # nothing was found
-     (9.0, [8.0, 9.0, 9.0 - CLOSE - 0.1], [1, 0]),  # likeliest first, and none that is far behind
+     (9.0, [8.0, 9.0, 9.0 - MAX_NATS_BEHIND - 0.1], [1, 0]),  # likeliest first, and none that is far behind
      (9.0, [9.0 - CLAIM + 0.1], [0]), (9.0, [9.0 - CLAIM - 0.1], [])],  # a twentieth as likely as what was found
 )  # fmt: skip
 def test_walks_compete_with_what_was_found(monkeypatch, ln_total, ln, kept):

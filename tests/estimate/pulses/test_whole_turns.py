@@ -6,7 +6,7 @@ import pytest
 from gimbalcal.campaign.trials import generators, gyroscope_revolutions, gyroscope_truth, gyroscopes
 from gimbalcal.estimate.pulses import whole_turns as rotations
 from gimbalcal.estimate.pulses.gravity_norm import initial_scale
-from gimbalcal.estimate.pulses.whole_turns import FREE
+from gimbalcal.estimate.pulses.whole_turns import FREE_ORDINALS
 
 
 def test_derivatives_are_those_of_the_complex_step():
@@ -28,7 +28,7 @@ def test_derivatives_are_those_of_the_complex_step():
 @pytest.mark.parametrize("tilt", [3 / 3600, 3.0], ids=["3 arcsec", "3 deg"])
 def test_error_is_at_the_bound_and_every_run_is_global(tilt):
     trials = gyroscopes(2, range(200), np.deg2rad(tilt))
-    error, sigma = trials.error[:, FREE], trials.fit.sigma[:, FREE]
+    error, sigma = trials.error[:, FREE_ORDINALS], trials.fit.sigma[:, FREE_ORDINALS]
     ratio = np.sqrt((error**2).mean(0) / (sigma**2).mean(0))
     assert np.all(np.abs(ratio - 1) < 0.25)  # rms of 200 normal errors: 5 %, five sigma
     assert np.max(np.abs(error / sigma)) < 6  # 2400 normal numbers: 1e-5 to exceed; a local minimum is off by 1e3
