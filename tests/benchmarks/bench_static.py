@@ -1,26 +1,20 @@
-"""The simulation of Wu et al. (2018), section 6.1, again: how long a static run reaches 1e-6 rad, and how fast.
+"""The simulation of Wu et al. (2018), section 6.1, again: how long a run has to be for 1e-6 rad.
 
     python -m tests.benchmarks.bench_static
 
 40 N, Tables 2 and 3, white noise of 5e-3 m/s^2 on every sample of every accelerometer; roll and pitch are what a
 navigator makes of the same samples, so their noise is that of the force across the vertical, while the filter sees
 the force along it. Prints, for rates of 1, 10 and 100 Hz and runs of 24, 48 and 72 h, in how many of 200 runs *all* 13
-combined coefficients are within 1e-6 rad; what Fourier averages and FFT bins give for runs of other lengths; what the
-noise mean of the printed squared norm does to x1; and what a day at 100 Hz takes from the Parquet file to the fit.
+combined coefficients are within 1e-6 rad; what Fourier averages and FFT bins give for runs of other lengths; and
+what the noise mean of the printed squared norm does to x1.
 
 Minute means stand for the samples: for white noise they are sufficient, sigma / sqrt(n), and `check` compares with a
 simulation of every sample.
 """
 
 import dataclasses
-import json
-import os
-import subprocess
 import sys
-import tempfile
 from collections.abc import Sequence
-from multiprocessing import get_context
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,20 +55,6 @@ THIRTEEN = tuple(n for n in NAMES if n not in MEANS)
 PARAMETERS = tuple(p for i in ("scale_factor", "bias", "misalignment") for p in parameters(CATALOGUE[i]))
 CHANNELS = (*(("specific_force", a) for a in "xyz"), ("attitude_error", "roll"), ("attitude_error", "pitch"))
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)  # the mean over a block to 1e-15
-
-READ_AND_FIT = """
-import json, resource, sys, time
-start = time.perf_counter()
-from gimbalcal.recording import read
-recording = read(sys.argv[1], average_s=60.0)
-reading, reading_cpu = time.perf_counter() - start, time.process_time()
-from gimbalcal.estimate.static_run.system import static, static_readings
-found = static(static_readings(recording))
-print(json.dumps({"samples": float(recording.weight.sum()), "rows": len(recording.time),
-                  "seconds": round(time.perf_counter() - start, 2), "of which reading": round(reading, 2),
-                  "processor seconds": round(time.process_time(), 2), "of which read": round(reading_cpu, 2),
-                  "peak MB": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)}))
-"""
 
 
 def recording(time: Array, weight: float, effects: Sequence[Effect] = TABLE_2_3, block: float = 0.0) -> Recording:
@@ -199,22 +179,6 @@ def plain_errors(hours: float, *, bins: bool) -> Array:
     return np.concatenate([x, roll, pitch]) - truth[[NAMES.index(n) for n in THIRTEEN]]
 
 
-def a_day_at_100_hz() -> dict[str, float]:
-    """A day of 100 Hz from Parquet to the fit, in a process of its own."""
-    from tests.benchmarks.day_of_samples import make
-
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "run"
-        maker = get_context("spawn").Process(target=make, args=(24.0, target, "samples.parquet"))
-        maker.start()
-        maker.join()
-        out = subprocess.run(
-            [sys.executable, "-c", READ_AND_FIT, str(target)], check=True, capture_output=True, text=True,
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-        )  # fmt: skip
-        return dict(json.loads(out.stdout))
-
-
 def main() -> None:
     """Print everything."""
     tell = sys.stdout.write
@@ -239,7 +203,7 @@ def main() -> None:
     tell(
         "x1 [1e-7 rad] less truth at 1 Hz: projection {:.2f}, printed norm {:.2f}, debiased {:.2f}".format(*(1e7 * x1))
     )
-    tell(f" (noise mean {1e7 * 1.5 * (SIGMA / G) ** 2:.2f})\n\n24 h at 100 Hz from Parquet: {a_day_at_100_hz()}\n")
+    tell(f" (noise mean {1e7 * 1.5 * (SIGMA / G) ** 2:.2f})\n")
 
 
 @pytest.mark.slow
