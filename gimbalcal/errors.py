@@ -16,7 +16,7 @@ class InputError(ValueError):
 def number_of(n: int, noun: str, plural: str = "") -> str:
     """Return a number with its noun.
 
-    >>> amount(1, "rest position"), amount(7, "rest position"), amount(2, "axis", "axes")
+    >>> number_of(1, "rest position"), number_of(7, "rest position"), number_of(2, "axis", "axes")
     ('1 rest position', '7 rest positions', '2 axes')
     """
     return f"{n} {noun if n == 1 else plural or noun + 's'}"
@@ -25,7 +25,7 @@ def number_of(n: int, noun: str, plural: str = "") -> str:
 def list_of_alternatives(items: Sequence[str]) -> str:
     """Return items as a list of alternatives, "a, b or c".
 
-    >>> alternatives(["a", "b", "c"])
+    >>> list_of_alternatives(["a", "b", "c"])
     'a, b or c'
     """
     return " or ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))

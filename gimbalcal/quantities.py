@@ -51,7 +51,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType(
 def refuse_unit(unit: str, quantity: str) -> None:
     """Refuse a `unit` that is unknown or is not one of `quantity`, and say which ones are.
 
-    >>> check("deg/h", "angular_rate")
+    >>> refuse_unit("deg/h", "angular_rate")
     """
     known = QUANTITIES.get(quantity)
     if known is None:

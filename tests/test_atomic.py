@@ -89,7 +89,7 @@ def whole(new): atomic.write(new / "page.html", 100_000 * "x")
 for name, make in (("report.html", text), ("rows.parquet", table), ("rows.csv", lines), ("page.html", whole)):
     atomic.write(out / "old", "old")
     try:
-        with atomic.folder(out) as new:
+        with atomic.atomic_folder(out) as new:
             (new / "a.json").write_text("new")
             make(new)
     except OSError as problem:
@@ -192,7 +192,7 @@ for k in range(60):
     child = os.fork()
     if not child:
         for age in range(10**9):
-            with atomic.folder(out) as new:
+            with atomic.atomic_folder(out) as new:
                 for name in names:
                     (new / name).parent.mkdir(exist_ok=True)
                     (new / name).write_text(f"{k} {age}")
@@ -261,7 +261,7 @@ import sys
 from pathlib import Path
 from gimbalcal import atomic
 for n in range(100):
-    with atomic.folder(Path(sys.argv[1])) as new:
+    with atomic.atomic_folder(Path(sys.argv[1])) as new:
         for name in sys.argv[3:]:
             (new / name).write_text(f"{sys.argv[2]} {n}")
 """

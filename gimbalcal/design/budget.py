@@ -108,7 +108,7 @@ class Budget:
 def length_in_words(metres: float) -> str:
     """Return a length in m or km, to three digits.
 
-    >>> length(24.31), length(12761.1)
+    >>> length_in_words(24.31), length_in_words(12761.1)
     ('24.3 m', '12.8 km')
     """
     return f"{metres:.3g} m" if metres < 1000 else f"{metres / 1000:.3g} km"

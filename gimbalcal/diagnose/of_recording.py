@@ -43,6 +43,7 @@ from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
 from gimbalcal.estimate.pointing.pattern import MISTAKEN, outlying_stars, why_far
 from gimbalcal.estimate.systematic.calibrate import navigation_view
 from gimbalcal.kinematics import ideal_force
+from gimbalcal.number import Array
 from gimbalcal.progress import Progress
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.dwell import attitudes, in_blocks, without_dwells
@@ -63,6 +64,7 @@ from gimbalcal.words.naming import capitalised
 
 ROUNDS = 2  # in which stars are omitted: those that the first hid show in the second
 MAX_OUTLIER_SHARE = 0.05  # of the stars, at the most; more are a pattern, or the tails of the seeing
+MIN_OUTLIER_SCATTERS = 8.0  # median deviations, or five sigma, that the causes found leave of a rest that is an outlier
 MIN_BLOCKS = 30  # dwells of one attitude, below which long ones are cut: a sweep is a curve
 IDEAL_AT_GIMBALS = Calibration.ideal("gimbals")
 
@@ -117,9 +119,7 @@ def diagnose_recording(request: DiagnosisRequest) -> Diagnosis:
     elif not lacks_known_attitude(recording):
         parts, notes = of_rotating_rig(request) if recording.kind.rotating else of_gimballed_unit(request)
     else:
-        request, omitted = _without_odd_rests(request)
         parts, notes = of_triads(request)
-        parts, notes = [replace(d, used=request.recording if omitted else None) for d in parts], [*omitted, *notes]
     if not parts:
         raise InputError(
             f"{recording.title!r} leaves nothing to compare: at rest it takes {FORCE} along x, y and z, and "
@@ -238,32 +238,39 @@ def single_view(request: DiagnosisRequest) -> View:
     return recording.kind.view_of(recording, baseline or effects).without_nuisances()
 
 
-def _without_odd_rests(request: DiagnosisRequest) -> tuple[DiagnosisRequest, list[str]]:
-    """Return the request without rests whose force no other rest agrees with, as it is calibrated, and notes on them.
-
-    Three of two hundred that are off by fifty sigma hide a misalignment of thirty, and look like a formula.
-    """
-    mine, gyro = by_triad(request.baseline)
-    if not request.recording.has(FORCE) or (gyro and not mine):
-        return request, []
-    odd = norm_outliers(request.recording)
-    recording = without_dwells(request.recording, [rest.dwell for rest in odd])
-    return request.of(recording), [f"{capitalised(words)}." for words in norm_outliers_in_words(odd)]
-
-
 def of_triads(request: DiagnosisRequest) -> Parts:
     """Diagnose the views of a unit turned by hand, one after the other, and note what was not analysed.
 
     The gyroscopes are compared with accelerometers that include what was found there: both triads are one model. A
     baseline of gyroscope effects alone asks for the gyroscopes alone, and so on.
     """
+    recording, (mine, gyro) = request.recording, by_triad(request.baseline)
+    if not (recording.has(FORCE) and (mine or not request.baseline)):
+        if gyro and recording.has(RATE) and recording.has(FORCE):
+            request = request.of(_at_one_attitude(recording))
+        return _with_gyroscopes(request, [])
+    c = select_causes(norm(recording, mine), request.progress)
+    if odd := [rest for rest in norm_outliers(recording) if _is_unexplained(c.end.residual, rest.dwell)]:
+        recording = without_dwells(recording, [rest.dwell for rest in odd])
+        c = select_causes(norm(recording, mine), request.progress)
+    parts, notes = _with_gyroscopes(request.of(recording), [diagnose_selected(c, request.progress)])
+    omitted = [f"{capitalised(words)}." for words in norm_outliers_in_words(odd)]
+    return [replace(d, used=recording if odd else None) for d in parts], [*omitted, *notes]
+
+
+def _is_unexplained(residual: Array, dwell: int) -> bool:
+    """Return whether the causes found leave of a dwell far more than of most: residual (n, 1) of the norm of each.
+
+    The first minutes of a unit that warms up deviate from all others too, until that is in the model.
+    """
+    off = np.abs(residual[:, 0])
+    return bool(off[dwell] > MIN_OUTLIER_SCATTERS * np.median(off))
+
+
+def _with_gyroscopes(request: DiagnosisRequest, diagnoses: list[ViewDiagnosis]) -> Parts:
+    """Return the diagnosis of the forces, if there is one, and those of the gyroscopes at rest and in turns."""
     recording, progress = request.recording, request.progress
-    mine, gyro = by_triad(request.baseline)
-    if gyro and not mine and recording.has(RATE) and recording.has(FORCE):
-        recording = _at_one_attitude(recording)
-    diagnoses: list[ViewDiagnosis] = []
-    if recording.has(FORCE) and (mine or not request.baseline):
-        diagnoses.append(diagnose_views(request, norm(recording, mine)))
+    _, gyro = by_triad(request.baseline)
     if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not request.baseline)):
         return diagnoses, []
     calibration = calibration_of(diagnoses, "") if diagnoses else request.calibration

@@ -30,7 +30,7 @@ MAX_SCATTER_RATIO = 5.0
 def needed_significance(tried: int, dof: float) -> float:
     """Sigmas t that the largest of `tried` further coefficients must exceed, see above; dof is inf for a known noise.
 
-    >>> round(needed(6, np.inf), 2), round(needed(15, 30), 2)
+    >>> round(needed_significance(6, np.inf), 2), round(needed_significance(15, 30), 2)
     (3.34, 4.05)
     """
     from scipy.special import stdtrit

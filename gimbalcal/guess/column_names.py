@@ -149,8 +149,8 @@ _LETTERS = by_spelling(
 def plain_name(name: str) -> str:
     """Return a name in lower case, without accents, one underscore for whatever separates words.
 
-    >>> plain("Acc_X [m/s^2]"), plain(" linear_acceleration.x"), plain("GyroX(dps)"), plain("Außen [°]")
-    ('acc_x_m_s2', 'linear_acceleration_x', 'gyro_x_dps', 'aussen_deg')
+    >>> [plain_name(n) for n in ("Acc_X [m/s^2]", " linear_acceleration.x", "GyroX(dps)", "Außen [°]")]
+    ['acc_x_m_s2', 'linear_acceleration_x', 'gyro_x_dps', 'aussen_deg']
     """
     name = re.sub("°\\s*([CFK])\\b", r" deg\1", name)
     name = re.sub(r"[\[(]\s*'\s*[\])]", " arcmin ", re.sub(r"[\[(]\s*(\"|'')\s*[\])]", " arcsec ", name))

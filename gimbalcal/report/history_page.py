@@ -53,7 +53,7 @@ def _names(calibrations: Sequence[ComparedCalibration]) -> list[str]:
 def date_in_print(date: str) -> str:
     """Return a date of ISO 8601 as printed; midnight stands for an unknown time.
 
-    >>> _day("2026-02-03T00:00:00+00:00"), _day("2026-02-03T14:05:00+00:00")
+    >>> date_in_print("2026-02-03T00:00:00+00:00"), date_in_print("2026-02-03T14:05:00+00:00")
     ('2026-02-03', '2026-02-03 14:05')
     """
     return date[:16].replace("T", " ").removesuffix(" 00:00")

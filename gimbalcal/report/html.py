@@ -56,7 +56,7 @@ def render(template: str, context: Context) -> str:
 def with_code(text: str) -> Markup:
     """Return a sentence with the text between backticks as code; all else is escaped.
 
-    >>> coded("see `gimbalcal apply`, `--with bias:y`, <b>")
+    >>> with_code("see `gimbalcal apply`, `--with bias:y`, <b>")
     Markup('see <code>gimbalcal apply</code>, <code><span>--with</span> bias:y</code>, &lt;b&gt;')
     """
 

@@ -186,7 +186,7 @@ def ratio_interval_by_chance(runs: int, parameters: int) -> tuple[float, float]:
 
     n ratio^2 is chi^2 with n degrees of freedom.
 
-    >>> tuple(round(x, 2) for x in chance(200, 18))
+    >>> tuple(round(x, 2) for x in ratio_interval_by_chance(200, 18))
     (0.8, 1.21)
     """
     from scipy.special import chdtri

@@ -142,9 +142,9 @@ def finding_clause(f: Finding) -> str:
 def sensor_in_words(cls: type[Effect], axis: str) -> str:
     """Return the sensor or axis that an effect belongs to.
 
-    >>> who(CATALOGUE["bias_temperature"], "y"), who(CATALOGUE["gimbal_zero"], "inner")
+    >>> sensor_in_words(CATALOGUE["bias_temperature"], "y"), sensor_in_words(CATALOGUE["gimbal_zero"], "inner")
     ('accelerometer y', 'the inner axis')
-    >>> who(CATALOGUE["gyro_bias"], "x, y, z")
+    >>> sensor_in_words(CATALOGUE["gyro_bias"], "x, y, z")
     'each gyroscope'
     """
     several = "," in axis

@@ -224,7 +224,7 @@ def misheld_positions(each: Sequence[Sequence[str]]) -> str:
 def three_digits(x: float) -> str:
     """Return a positive number with three digits, without a power of ten while it is readable.
 
-    >>> digits(1921.3), digits(0.9317)
+    >>> three_digits(1921.3), three_digits(0.9317)
     ('1921', '0.932')
     """
     return f"{x:.0f}" if 1e3 <= x < 1e5 else f"{x:.3g}"

@@ -113,7 +113,7 @@ def size_with_unit(size: tuple[float, float], unit: str) -> str:
 def signed_rounded(size: float, sigma: float) -> str:
     """Return a signed size to the second digit of its sigma.
 
-    >>> _rounded(-11.4412, 0.7032), _rounded(1234.5, 432.1)
+    >>> signed_rounded(-11.4412, 0.7032), signed_rounded(1234.5, 432.1)
     ('-11.44 +- 0.70', '+1234 +- 432')
     """
     places = max(0, 1 - int(np.floor(np.log10(sigma)))) if sigma > 0 else 3

@@ -19,7 +19,7 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight"
 def name_in_words(name: str, axis: str = "") -> str:
     """Return the name of a parameter or an effect in words: a parameter by its effect, so that each has one name.
 
-    >>> named("gimbal_zero", "inner"), named("K3", "y")
+    >>> name_in_words("gimbal_zero", "inner"), name_in_words("K3", "y")
     ('gimbal zero inner', 'cubic nonlinearity y')
     """
     return (
@@ -75,7 +75,7 @@ def unit_in_print(unit: str) -> str:
 def number_and_noun(n: int, noun: str, plural: str = "") -> str:
     """Return a number and its noun; numbers up to twelve in words.
 
-    >>> counted(1, "direction"), counted(17, "direction"), counted(2, "axis", "axes")
+    >>> number_and_noun(1, "direction"), number_and_noun(17, "direction"), number_and_noun(2, "axis", "axes")
     ('one direction', '17 directions', 'two axes')
     """
     number = _NUMBERS[n] if 0 <= n < len(_NUMBERS) else str(n)
@@ -85,7 +85,7 @@ def number_and_noun(n: int, noun: str, plural: str = "") -> str:
 def list_in_words(items: Sequence[str], most: int = 0) -> str:
     """Return items as a list in a sentence; of more than `most`, if that is given, the first and how many others.
 
-    >>> listed(["a", "b", "c"]), listed(["a", "b", "c", "d"], 2)
+    >>> list_in_words(["a", "b", "c"]), list_in_words(["a", "b", "c", "d"], 2)
     ('a, b and c', 'a, b and 2 more')
     """
     items = [*items[:most], f"{len(items) - most} more"] if 0 < most < len(items) else items
@@ -120,7 +120,7 @@ def as_sentence(text: str) -> str:
 def without_underscores(identifier: str) -> str:
     """Return an identifier with spaces for underscores.
 
-    >>> spaced("base_tilt")
+    >>> without_underscores("base_tilt")
     'base tilt'
     """
     return identifier.replace("_", " ")
@@ -129,7 +129,7 @@ def without_underscores(identifier: str) -> str:
 def as_sentences(in_words: str) -> str:
     """Return the `in_words` of a result as sentences, for the console and the head of the page.
 
-    >>> answered("changing +1 misalignment:xz -1 bias:y by 3 ug^2 does nothing")
+    >>> as_sentences("changing +1 misalignment:xz -1 bias:y by 3 ug^2 does nothing")
     'Changing +1 misalignment xz −1 bias y by 3 µg² does nothing.'
     """
     return "\n".join(as_sentence(labels_in_words(line)) for line in in_words.split("\n"))
@@ -183,7 +183,7 @@ def directions_in_words(unobservable: Iterable[Unobservable]) -> list[dict[str, 
 def labels_in_words(text: str) -> str:
     """Return a text with the labels of parameters in words.
 
-    >>> spoken("changing +1 misalignment:xz -1 K3:y; 10:30 stays")
+    >>> labels_in_words("changing +1 misalignment:xz -1 K3:y; 10:30 stays")
     'changing +1 misalignment xz -1 cubic nonlinearity y; 10:30 stays'
     """
     labels = r"\b([A-Za-z]\w*):([a-z_]+)\b"
@@ -244,7 +244,7 @@ def least_precise_sentence(sigmas: Iterable[tuple[str, float, str]]) -> str:
 
     sigmas: kind, sigma and unit of each parameter.
 
-    >>> precision([("bias", 1.2, "ug"), ("bias", 1.57, "ug"), ("scale_factor", 0.9, "ppm")])
+    >>> least_precise_sentence([("bias", 1.2, "ug"), ("bias", 1.57, "ug"), ("scale_factor", 0.9, "ppm")])
     ' One σ at worst: bias 1.6 µg, scale factor 0.90 ppm.'
     """
     worst: dict[str, tuple[float, str]] = {}

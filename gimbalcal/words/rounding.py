@@ -19,11 +19,11 @@ def pdg_rounded(value: float, sigma: float) -> tuple[str, str]:
     between 950 and 999 sigma is rounded up to 1000 and two are kept. The value gets the same last place. A sigma
     that is zero or not finite says nothing about digits: then the value keeps six.
 
-    >>> pdg(0.827, 0.119)
+    >>> pdg_rounded(0.827, 0.119)
     ('0.83', '0.12')
-    >>> pdg(0.827, 0.367)
+    >>> pdg_rounded(0.827, 0.367)
     ('0.8', '0.4')
-    >>> pdg(0.827, 0.996)
+    >>> pdg_rounded(0.827, 0.996)
     ('0.8', '1.0')
     """
     if not (isfinite(value) and isfinite(sigma)) or sigma <= 0:
@@ -84,7 +84,7 @@ def p_value(p: float) -> str:
 def printed_number(text: str) -> str:
     """Return a number as it is printed: with the minus sign that lines up with figures, a power of ten raised.
 
-    >>> minus("-0.5"), minus("3.20e-09"), minus("1e+06")
+    >>> printed_number("-0.5"), printed_number("3.20e-09"), printed_number("1e+06")
     ('−0.5', '3.20·10⁻⁹', '10⁶')
     """
     return with_raised_power(text).replace("-", "−")
@@ -116,7 +116,7 @@ def rms(x: Array) -> str:
 def duration_in_words(seconds: float) -> str:
     """Return a duration in a readable unit.
 
-    >>> lasting(0.02), lasting(300.0), lasting(172800.0), lasting(400000.0)
+    >>> duration_in_words(0.02), duration_in_words(300.0), duration_in_words(172800.0), duration_in_words(400000.0)
     ('0.02 s', '5 min', '48 h', '4.63 days')
     """
     value, unit = sensible_time(np.array([0.0, seconds]))

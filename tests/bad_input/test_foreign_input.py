@@ -232,9 +232,9 @@ KILLED = """
 import os, signal
 from pathlib import Path
 from gimbalcal import atomic
-with atomic.folder(Path("made")) as new:
+with atomic.atomic_folder(Path("made")) as new:
     (new / "a").write_text("b")
-    with atomic.folder(new) as inner:
+    with atomic.atomic_folder(new) as inner:
         os.kill(os.getpid(), signal.SIGKILL)
 """
 

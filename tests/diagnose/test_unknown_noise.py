@@ -289,6 +289,22 @@ def test_a_unit_that_warms_up_within_minutes_is_told_as_that(tau):
     assert len(d.findings) == 1
 
 
+def test_rests_that_no_cause_explains_are_left_out_before_formulas_are_sought():
+    """A formula would follow three wrong readings; what the others show is a law of the catalogue."""
+
+    def thermal(h):
+        return {"force": np.outer(h.felt - 20, [0.0, 1.0, 0.0])}
+
+    setup = unknown_hand.Setup(unknown_hand.MEMS, rests=120, minutes=60.0, thermometer=True)
+    good = unknown_hand.record(1, setup, ((thermal, 30 / unknown_hand.strength(1, setup, thermal)),))
+    force, wrong = good.triad("specific_force").copy(), np.isin(good.position, (20, 57, 93))
+    force[wrong] *= 1.08
+    changed = {("specific_force", a): force[:, i] for i, a in enumerate("xyz")}
+    d = diagnose([replace(good, channels={**good.channels, **changed})])
+    assert [f["effect"] for f in d.findings][:1] == ["bias_temperature"]
+    assert "20, 57 and 93 are off" in d.in_words, d.in_words
+
+
 @pytest.mark.parametrize("step", [0.0, 0.5])
 def test_readings_without_noise_or_of_few_levels_lack_nothing(step):
     """Rounding of numbers is no pattern, and samples that do not scatter are no noise of zero."""

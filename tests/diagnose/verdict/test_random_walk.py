@@ -29,7 +29,7 @@ from tests.diagnose.plant import UG, at_strength, on, record
 from tests.diagnose.small import FIT
 from tests.golden import golden_text
 
-SINGLE, WEIGHTS = "single_walks_of_stated_noise", "weights"
+SINGLE, WEIGHTS = "single_walks_of_stated_noise", "noise_weights"
 HOURS = (17 * 135 + 119) / 3600  # of the plant's timetable
 
 
