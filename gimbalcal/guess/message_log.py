@@ -35,8 +35,10 @@ _LABELLED = re.compile(  # a digit before a number without any separator belongs
     rf"(?<![\w.])([A-Za-z]\w*)(?:\s*[:=]\s*|\s+(?=\S)|(?<!\d)(?=[-+.\d]))({_VALUE})(?![\w.:])"
 )
 _VECTOR = (  # accel=(9480, -5408, -12188), GYRO: X=0.1,Y=-0.2,Z=0.3
-    re.compile(r"([A-Za-z]\w*)\s*[:=]\s*[(\[]" + r"[\s,;]+".join([rf"\s*({_VALUE})"] * 3) + r"\s*[)\]]"),
-    re.compile(r"([A-Za-z]\w*)\s*:\s*" + r"[\s,;]+".join(rf"{a}\s*[=:]\s*({_VALUE})" for a in "XYZ"), re.IGNORECASE),
+    re.compile(r"(?<!\w)([A-Za-z]\w*)\s*[:=]\s*[(\[]" + r"[\s,;]+".join([rf"\s*({_VALUE})"] * 3) + r"\s*[)\]]"),
+    re.compile(
+        r"(?<!\w)([A-Za-z]\w*)\s*:\s*" + r"[\s,;]+".join(rf"{a}\s*[=:]\s*({_VALUE})" for a in "XYZ"), re.IGNORECASE
+    ),
 )
 _KIND = re.compile(r"[$%]?[A-Za-z][\w-]*:?")
 _COMMENT = ("#", "!", "//")
