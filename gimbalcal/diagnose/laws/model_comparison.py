@@ -73,21 +73,21 @@ def compare_models(
         return None
     found = zip(laws_of([g for g, _ in shown]), shown, strict=True)
     laws, (g, nodes) = max(found, key=lambda own: max((law.evidence for law in own[0]), default=-np.inf))
-    likely = () if alone else likely_causes(ranked)
-    known = [tuple(with_cause(s, ranked.within(h.members, k)) for k, s in enumerate(searches)) for h in likely]
-    grounds = [own for with_known in known if (own := common_ground(with_known, nodes)) is not None]
+    likely = () if alone else _likely_causes(ranked)
+    known = [(h, tuple(with_cause(s, ranked.within(h.members, k)) for k, s in enumerate(searches))) for h in likely]
+    beside = [(h, with_known, own) for h, with_known in known if (own := common_ground(with_known, nodes)) is not None]
     others = [
         Beside(own, more, ranked.library.candidates[h.members[0]], h.ln_weight, with_known)
-        for own, more, h, with_known in zip(grounds, laws_of(grounds, products=False), likely, known, strict=True)
+        for (h, with_known, own), more in zip(beside, laws_of([own for *_, own in beside], products=False), strict=True)
     ]
     more = weighed_in(g, [law for other in others for law in other.laws[:1]])
     best = Beside(g, sorted([*laws, *more], key=lambda law: -law.evidence), searches=tuple(searches))
     for other in others:
-        best = better_cause(best, other, ranked)
+        best = _better_cause(best, other, ranked)
     return best
 
 
-def better_cause(best: Beside, other: Beside, ranked: Ranking) -> Beside:
+def _better_cause(best: Beside, other: Beside, ranked: Ranking) -> Beside:
     """The other one where it says as much: a name is worth more than a longer formula, another name has to be likelier.
 
     A name that makes the formula no shorter has to make it likelier. As every law it has to come near the best of what
@@ -102,7 +102,7 @@ def better_cause(best: Beside, other: Beside, ranked: Ranking) -> Beside:
     return other if other.total > best.total + needed else best
 
 
-def likely_causes(ranked: Ranking) -> list[Hypothesis]:
+def _likely_causes(ranked: Ranking) -> list[Hypothesis]:
     """The likeliest known causes, each effect once, without what happens once."""
     every, out = ranked.library.candidates, dict[str, Hypothesis]()
     for h in ranked.hypotheses:
