@@ -21,6 +21,7 @@ from gimbalcal.inference.allan import MIN_P_VALUE, MIN_ROWS, AllanCurve, AllanFi
 from gimbalcal.number import Array
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording, Source, dwells
+from gimbalcal.recording.detection import UNUSUAL_VARIANCE_RATIO
 from gimbalcal.recording.dwell import MISSED_ROW_STEPS
 from gimbalcal.recording.record import FORCE, RATE, SENSOR_OF, SENSORS, Key
 from gimbalcal.units import from_si, is_raw
@@ -34,7 +35,6 @@ UNITS: Mapping[str, tuple[str, str, str]] = {
     "angular_rate": ("deg/sqrt(h)", "deg/h", "deg/h/sqrt(h)"),
 }
 MAX_LATE = 0.01  # of the rows, that a clock without jitter stamps late because rows before them are missing
-SHAKEN = 3.0  # times the usual variance from row to row: a rest in the hand beside others on a table
 MAX_WAIT = 2.5  # steps, that such a row is late
 
 
@@ -142,7 +142,10 @@ class RestNoise(Displayed, Entry):
 
 @dataclass(frozen=True)
 class Channel:
-    """One sensor at rest: its curve [SI^2], the fitted noise, and how many samples a row is the mean of."""
+    """One sensor at rest: its curve [SI^2], the fitted noise, and how many samples a row is the mean of.
+
+    shaken: rests that are left out, because a sensor is shaken in them.
+    """
 
     key: Key
     sensor: str
@@ -150,6 +153,7 @@ class Channel:
     curve: AllanCurve
     fitted: AllanFit
     weight: float
+    shaken: int
 
     @property
     def name(self) -> str:
@@ -209,7 +213,7 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
         raise InputError(f"{recording.title!r} is a pointing run: no inertial sensor rests in it")
     out = []
     for each in recording.sensors:
-        stretches, step, _ = _quiet_stretches(each)
+        stretches, step, shaken = _quiet_stretches(each)
         for (quantity, axis), values in each.channels.items():
             if quantity not in UNITS:
                 continue
@@ -219,7 +223,8 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
             if not c.variance.min() > 0:
                 raise InputError(f"{each.title!r}: {quantity} {axis} shows no noise at rest; log it with more digits")
             raw = unit if is_raw(unit) else ""
-            out.append(Channel((quantity, axis), each.sensor, raw, c, fit(c), float(np.median(each.weight))))
+            weight = float(np.median(each.weight))
+            out.append(Channel((quantity, axis), each.sensor, raw, c, fit(c), weight, shaken))
     if not out:
         raise InputError(f"{recording.title!r} has no specific_force or angular_rate: so no noise can be determined")
     return tuple(out)
@@ -228,7 +233,8 @@ def noise_at_rest(recording: Recording) -> tuple[Channel, ...]:
 def _quiet_stretches(recording: Recording) -> tuple[list[slice], float, int]:
     """Return the stretches of `_stretches` in which no sensor is shaken, the step [s], and how many of them are.
 
-    There the mean square of the change from row to row is more than `SHAKEN` times its median over all rows at rest.
+    There the mean square of the change from row to row is more than `UNUSUAL_VARIANCE_RATIO` times its median over all
+    rows at rest.
     """
     stretches, step = _stretches(recording)
     rows = np.array([s.stop - s.start for s in stretches])
@@ -240,7 +246,7 @@ def _quiet_stretches(recording: Recording) -> tuple[list[slice], float, int]:
             order = np.argsort(square)
             usual = square[order][np.searchsorted(np.cumsum(rows[order]), rows.sum() / 2)]
             quantised = min((float(change[change > 0].min()) for change in changes if np.any(change)), default=0.0)
-            quiet &= square <= SHAKEN * usual + quantised**2
+            quiet &= square <= UNUSUAL_VARIANCE_RATIO * usual + quantised**2
     return [s for s, kept in zip(stretches, quiet, strict=True) if kept] or stretches, step, int(np.sum(~quiet))
 
 
@@ -306,7 +312,7 @@ def rest_noise(recording: Recording) -> RestNoise:
     Raises InputError as `noise_at_rest` does.
     """
     channels = noise_at_rest(recording)
-    first, shaken = channels[0].curve, max(_quiet_stretches(each)[2] for each in recording.sensors)
+    first, shaken = channels[0].curve, max(c.shaken for c in channels)
     left_out = f"; {number_of(shaken, 'rest')} in which a sensor is shaken {'is' if shaken == 1 else 'are'} left out"
     return RestNoise(
         format=1,
@@ -330,7 +336,7 @@ def in_words(channels: tuple[Channel, ...]) -> str:
         mine = [c for c in every if c.name not in unmodelled] or every  # else the numbers mean nothing
         if not mine:
             continue
-        parts.append(f"{SENSOR_OF[quantity]}s: {', '.join(largest_coefficient(mine, k) for k in range(3))}")
+        parts.append(f"{SENSOR_OF[quantity]}s: {', '.join(_largest_coefficient(mine, k) for k in range(3))}")
     sentence = "; ".join(parts)
     if unmodelled:
         one = "s" if len(unmodelled) == 1 else ""
@@ -342,7 +348,7 @@ def in_words(channels: tuple[Channel, ...]) -> str:
     return sentence
 
 
-def largest_coefficient(mine: list[Channel], part: int) -> str:
+def _largest_coefficient(mine: list[Channel], part: int) -> str:
     """Return the largest coefficient of a kind among channels in words."""
     names = ("white noise", "bias instability", "random walk")
     coefficients = [(c.coefficient(part), c.key[1]) for c in mine]

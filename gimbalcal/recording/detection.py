@@ -50,16 +50,12 @@ OVERLAP = 16  # windows of that length that hold a row: their floor is needed to
 GROWTH = 1.25  # of the floor from one window to `MAX_LONGER_WINDOWS` of them, at rest
 QUIET_FORCE = 1e-3  # of the force; no hand and no vehicle holds still to a milli-g, whatever the colour of its noise
 QUIET_RATE = 1e-3  # rad/s
-MAX_NOISE_SHARE = (
-    0.03  # of the force, in a row: no accelerometer is as noisy, while the vibration of a drive or a drone is white
-)
+MAX_NOISE_SHARE = 0.03  # of the force, in a row: no accelerometer is as noisy, but the vibration of a drive or a drone
 THRESHOLD = 10.0  # in units of the floor; anything from 10 to 20 finds the same 38 rests in the Xsens set of ICRA 2014
 PAUSE = 60.0  # s; rows on both sides of a longer gap are not one rest (a unit turned in a shorter one shows it)
 FLOORS = ((0.10, -1.2816), (0.03, -1.8808))  # quantile and normal deviate: rests that fill a tenth of the time, or less
 LEAST_AT_REST = min(share for share, _ in FLOORS)  # of the rows, that are found as rests
-UNUSUAL_VARIANCE_RATIO = (
-    3.0  # times the variance that most rests have: a hand that still moves, beside others on a table
-)
+UNUSUAL_VARIANCE_RATIO = 3.0  # times that of most rests: a hand that still moves, beside others on a table
 SHAKEN_SCATTER_RATIO = 20.0  # times the usual scatter of a gyroscope at rest: in the hand half of all rests reach ten
 WINDOWS_PER_SUM = 2  # windows in one sum: next to a turn, gyroscopes of 1e-4 deg/h are at the end of a double
 PIECES = 200  # of them at a time: their sums stay in the cache of a processor
@@ -96,7 +92,7 @@ def detect_rests(
     level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
     quiet_rate = 0.0 if raw else QUIET_RATE
     small = (QUIET_FORCE * level if gravity else quiet_rate, quiet_rate)
-    m, floor, variances, of_rates = longest_window(triads, n, step, small)
+    m, floor, variances, of_rates = _longest_window(triads, n, step, small)
     loud = gravity and len(channels) == 3 and np.sqrt(floor.sum()) > MAX_NOISE_SHARE * level
     if m == 0 or (loud and np.sqrt(floor.sum()) > max(map(_quantum, triads[0]))):  # coarse steps are no vibration
         return position
@@ -107,7 +103,7 @@ def detect_rests(
     del variances
     still = restless <= _threshold(m)
     if rates and still.any():
-        still &= ~turning_rows(triads[1], of_rates, still, raw)
+        still &= ~_turning_rows(triads[1], of_rates, still, raw)
     del of_rates
     pause = np.diff(time, prepend=time[0])
     paused = pause > max(10 * step, PAUSE)
@@ -119,7 +115,9 @@ def detect_rests(
     mean = np.array([restless[start:stop].mean() for start, stop in zip(starts, stops, strict=True)])
     kept = stops - starts >= m
     kept &= mean <= UNUSUAL_VARIANCE_RATIO * np.median(mean[kept]) if kept.any() else True
-    same = unmoved_stretches(triads, starts[kept], stops[kept], m, step, raw) if kept.any() else np.zeros(0, dtype=bool)
+    same = (
+        _unmoved_stretches(triads, starts[kept], stops[kept], m, step, raw) if kept.any() else np.zeros(0, dtype=bool)
+    )
     number = np.cumsum(~same | paused[starts[kept]])
     for start, stop, k in zip(starts[kept], stops[kept], number, strict=True):
         position[start:stop] = k
@@ -154,7 +152,7 @@ def with_rests(recording: Recording) -> Recording:
     return replace(recording, position=_LAST[0][1].copy())
 
 
-def longest_window(
+def _longest_window(
     triads: Sequence[Sequence[Array]], n: int, step: float, small: Sequence[float]
 ) -> tuple[int, Array, list[Array], Windows]:
     """Return the rows m of the longest window whose floor is noise, or 0, the floors of the first triad, its variances
@@ -169,11 +167,11 @@ def longest_window(
             quiet, windows, variances = np.ones(len(FLOORS), dtype=bool), Windows(), list[Array]()
             for triad, quantised, limit in zip(triads, least, small, strict=False):
                 windows = []  # before those of the second triad: of the first one the variances alone are needed
-                windows += [window_statistics(x, m) for x in triad]
+                windows += [_window_statistics(x, m) for x in triad]
                 within, long = zip(*(_short_and_long(*each, m, longer) for each in windows), strict=True)
                 alike, variances = bool(variances), variances or [v for _, v in windows]
                 short = within if alike else variances
-                quiet &= is_quiet(short, long, m, longer, len(triad) * quantised, limit, alike)
+                quiet &= _is_quiet(short, long, m, longer, len(triad) * quantised, limit, alike)
                 if not quiet.any():
                     break
             else:
@@ -184,7 +182,7 @@ def longest_window(
     return 0, np.zeros(0), [], []
 
 
-def is_quiet(
+def _is_quiet(
     short: Sequence[Array], long: Sequence[Array], m: int, longer: int, quantised: float, limit: float, alike: bool
 ) -> NDArray[np.bool_]:
     """Return by each of `FLOORS` whether the floor of a triad does not grow from short windows to long ones.
@@ -248,7 +246,7 @@ def _threshold(m: int) -> float:
     return max(THRESHOLD, _chi_square(m - 1, 5.2))
 
 
-def unmoved_stretches(
+def _unmoved_stretches(
     triads: Sequence[Sequence[Array]],
     starts: NDArray[np.int64],
     stops: NDArray[np.int64],
@@ -268,18 +266,18 @@ def unmoved_stretches(
         return out
     for k in range(1, len(starts)):
         before, after = slice(stops[k - 1] - m, stops[k - 1]), slice(starts[k], starts[k] + m)
-        y = some_rows(force, before)
+        y = _some_rows(force, before)
         level, noise = y.mean(axis=0), float(np.linalg.norm(y.std(axis=0)))
-        if np.linalg.norm(some_rows(force, after).mean(axis=0) - level) > noise * max(1.0, np.sqrt(2 * THRESHOLD / m)):
+        if np.linalg.norm(_some_rows(force, after).mean(axis=0) - level) > noise * max(1.0, np.sqrt(2 * THRESHOLD / m)):
             continue
         way = slice(before.stop - m // 2, after.start + m // 2 + 1)
-        means = np.stack([window_statistics(x[way], m)[0] for x in force], axis=1)
+        means = np.stack([_window_statistics(x[way], m)[0] for x in force], axis=1)
         shaken = np.sqrt(THRESHOLD) * noise
         if np.linalg.norm(means - level, axis=1).max() > shaken:
             continue
         if rate:
-            w, rows = some_rows(rate, before), way.stop - way.start
-            turn = np.cumsum(some_rows(rate, way) - w.mean(axis=0), axis=0) * step
+            w, rows = _some_rows(rate, before), way.stop - way.start
+            turn = np.cumsum(_some_rows(rate, way) - w.mean(axis=0), axis=0) * step
             random = THRESHOLD * float(w.var(axis=0).sum()) * step**2 * (rows + rows**2 / m)  # of the sum, and the mean
             if np.linalg.norm(turn, axis=1).max() > np.hypot(shaken / np.linalg.norm(level), np.sqrt(random)):
                 continue
@@ -287,12 +285,12 @@ def unmoved_stretches(
     return out
 
 
-def some_rows(channels: Sequence[Array], which: slice) -> Array:
+def _some_rows(channels: Sequence[Array], which: slice) -> Array:
     """Return some of the rows (n,) of each channel, (rows, C)."""
     return np.stack([x[which] for x in channels], axis=1)
 
 
-def turning_rows(rates: Sequence[Array], windows: Windows, rest: NDArray[np.bool_], raw: bool) -> NDArray[np.bool_]:
+def _turning_rows(rates: Sequence[Array], windows: Windows, rest: NDArray[np.bool_], raw: bool) -> NDArray[np.bool_]:
     """Return rows (n,) in which a gyroscope is shaken or turns, measured against what it does in the rows of `rest`."""
     turned = np.zeros(len(rest), dtype=bool)
     for x, (mean, variance) in zip(rates, windows, strict=True):
@@ -306,7 +304,7 @@ def turning_rows(rates: Sequence[Array], windows: Windows, rest: NDArray[np.bool
     return turned
 
 
-def window_statistics(x: Array, m: int) -> tuple[Array, Array]:
+def _window_statistics(x: Array, m: int) -> tuple[Array, Array]:
     """Return the mean and variance (n - m + 1,) of x (n,) in every window of m samples.
 
     Sums are taken over `WINDOWS_PER_SUM` windows at a time,
