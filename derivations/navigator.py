@@ -55,7 +55,7 @@ def mechanised_among_the_stars() -> float:
 
     It tells velocity and place in the middle of a step, half of what the step adds; radii are those of the derivation.
     """
-    from gimbalcal.navigate.space_stable_navigator import run_loop
+    from gimbalcal.navigate.space_stable_navigator import _run_loop
 
     at, phase = np.array([*VELOCITY, LATITUDE, 1.1, HEIGHT]), 0.4
     s, c, S, K = np.sin(LATITUDE), np.cos(LATITUDE), np.sin(phase), np.cos(phase)
@@ -68,7 +68,7 @@ def mechanised_among_the_stars() -> float:
     ends, still = [], np.zeros((1, 2))
     for h in (LONGER, -LONGER):
         out = np.empty((1, 5))
-        run_loop(np.array([h]), FORCE[None], r, v, place, 0.0, 0.0, 0.0, still, np.array([HEIGHT]), out)
+        _run_loop(np.array([h]), FORCE[None], r, v, place, 0.0, 0.0, 0.0, still, np.array([HEIGHT]), out)
         ends.append(out[0])
     rates = (ends[0] - ends[1]) / LONGER
     size = np.array([1, 1, SCALE[-1], SCALE[3], SCALE[3]])

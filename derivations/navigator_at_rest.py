@@ -84,10 +84,10 @@ def _loops() -> tuple[float, float, float]:
 
 def loops() -> float:
     """Return the constants of the space-stable navigator's loops, relative."""
-    from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, loop_constants
+    from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, _loop_constants
 
     site = InertialSite(LATITUDE, HEIGHT, G, 0.0)
-    ours = np.array(loop_constants(site, Aids(damping=DAMPING, height_s=HEIGHT_S))[1:])
+    ours = np.array(_loop_constants(site, Aids(damping=DAMPING, height_s=HEIGHT_S))[1:])
     return float(np.abs(ours / np.array(_loops()) - 1).max())
 
 
@@ -128,7 +128,7 @@ def aided_strapdown() -> float:
 
 def aided_among_the_stars() -> float:
     """Return the same of the space-stable navigator, with its own constants left out and put in."""
-    from gimbalcal.navigate.space_stable_navigator import run_loop
+    from gimbalcal.navigate.space_stable_navigator import _run_loop
 
     phase = 0.4
     s, c, S, K = np.sin(LATITUDE), np.cos(LATITUDE), np.sin(phase), np.cos(phase)
@@ -142,7 +142,7 @@ def aided_among_the_stars() -> float:
         ends = []
         for h in (LONGER, -LONGER):
             out = np.empty((1, 5))
-            after = run_loop(np.array([h]), np.zeros((1, 3)), r, v, place, *loop, np.zeros((1, 2)),
+            after = _run_loop(np.array([h]), np.zeros((1, 3)), r, v, place, *loop, np.zeros((1, 2)),
                            np.array([HEIGHT - ABOVE]), out)  # fmt: skip
             ends.append(np.r_[C @ np.array(after[3:]), C @ np.array(after[:3])])
         return (ends[0] - ends[1]) / (2 * LONGER)
@@ -278,7 +278,7 @@ def sampled_sigma() -> float:
     generator = np.random.default_rng
     np.random.default_rng = _Drawn  # type: ignore[assignment]
     try:
-        found = uncertainty.sampled_sigma(Thin(), made, USUAL, 6, 1, lambda _: None)  # type: ignore[arg-type]
+        found = uncertainty._sampled_sigma(Thin(), made, USUAL, 6, 1, lambda _: None)  # type: ignore[arg-type]
     finally:
         np.random.default_rng = generator
     return float(np.abs(found / np.sqrt(np.diag(J @ P @ J.T)) - 1).max())

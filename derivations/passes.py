@@ -280,7 +280,7 @@ def stated_calibration() -> float:
 
 def joint_information() -> float:
     """Information of three recordings less its sum over each, about values between theirs, over the largest."""
-    from gimbalcal.estimate.systematic.calibrate import joint_information
+    from gimbalcal.estimate.systematic.calibrate import _joint_information
     from gimbalcal.estimate.systematic.filter_pass import data_information
 
     fit, about = _fitted(), 0.3 * BIASES
@@ -291,7 +291,7 @@ def joint_information() -> float:
     for m in each:
         rows = data_information(m.wanted, m.last.factor, m.unregularised - about, scale).rows
         total += rows[:, :n].T @ rows[:, : n + 1]
-    rows = joint_information(fit.wanted, each, about).rows
+    rows = _joint_information(fit.wanted, each, about).rows
     return float(np.abs(rows[:, :n].T @ rows[:, : n + 1] - total).max() / np.abs(total).max())
 
 

@@ -73,16 +73,16 @@ def calibrate(
     command does; of several sensors logged side by side the first is returned.
     """
     calibration, _ = methods.calibrate(
-        as_list(recordings),
+        _as_list(recordings),
         method,
-        as_sequence(terms),
+        _as_sequence(terms),
         progress,
-        as_sequence(more),
+        _as_sequence(more),
         states,
         grade,
-        as_sequence(without),
+        _as_sequence(without),
     )
-    return with_console_text(calibration)
+    return _with_console_text(calibration)
 
 
 def diagnose(
@@ -93,9 +93,9 @@ def diagnose(
     from gimbalcal.report.console import diagnosis_in_words
 
     result = run_diagnosis(
-        load(as_list(recordings), progress), calibration, as_sequence(baseline), seed, progress, grade
+        load(_as_list(recordings), progress), calibration, _as_sequence(baseline), seed, progress, grade
     )
-    refit = result.calibration and with_console_text(result.calibration)
+    refit = result.calibration and _with_console_text(result.calibration)
     return replace(result, printer=diagnosis_in_words, calibration=refit)
 
 
@@ -126,7 +126,7 @@ def navigate(
     if isinstance(given, Calibration):
         given = {"calibration": given}
     elif not isinstance(given, Mapping):
-        files = [Path(file) for file in as_sequence(given)]
+        files = [Path(file) for file in _as_sequence(given)]
         given = {name: read_calibration(file) for name, file in zip(labels(files), files, strict=True)}
     aids = usual_references(run, damping, 60 * alignment_min)
     runs = before_and_after(run, list(given.items()), aids, samples, seed, progress)
@@ -149,7 +149,7 @@ def observe(
         if candidates:
             raise InputError("--candidates is for positions; of a schedule of turns name them among --states")
         return observe_turning(schedule, latitude, states, rate_noise, force_noise, velocity_sigma)
-    return observe_any(schedule, angle_sigma, force_sigma, latitude, as_sequence(candidates))
+    return observe_any(schedule, angle_sigma, force_sigma, latitude, _as_sequence(candidates))
 
 
 def next_step(
@@ -164,7 +164,7 @@ def next_step(
     schedule, its name or its file, whose sigmas are to be reached; step [deg] of the angles of a rig; most: how many
     steps are named; grade: as `--grade`; states: as `--states`, of turns. Raises InputError for other recordings.
     """
-    loaded = load(as_list(recordings), progress)
+    loaded = load(_as_list(recordings), progress)
     name, fleet = grade_and_fleet(grade)
     known = None if fleet is None else fleet.without(loaded).distributions
     prior = None if known is None else {label: d.sigma for label, d in known.items()}
@@ -173,12 +173,12 @@ def next_step(
             raise InputError(f"--grade {name}: that of a unit that is turned is taken from its noise; leave it out")
         turns = reach if isinstance(reach, RotationSchedule) else read_rotation(cast(File, reach)) if reach else None
         return plan_next_turn(
-            loaded, states or "51", as_sequence(more), as_sequence(separate), turns, most, prior, progress
+            loaded, states or "51", _as_sequence(more), _as_sequence(separate), turns, most, prior, progress
         )
     if states:
         raise InputError(f"--states {states} goes with rotation recordings; leave it out")
     goal = reach if isinstance(reach, Schedule) else read_schedule(cast(File, reach)) if reach else None
-    return plan_next_step(loaded, as_sequence(more), as_sequence(separate), goal, step, most, name, prior)
+    return plan_next_step(loaded, _as_sequence(more), _as_sequence(separate), goal, step, most, name, prior)
 
 
 def simulate(scenario: Mapping[str, Any] | str | Path, seed: int | None = None) -> tuple[Recording, tuple[Effect, ...]]:
@@ -207,22 +207,22 @@ def from_frame(frame: Any, columns: Mapping[str, Entry] | None = None, **options
 
 def read_calibration(path: str | Path) -> Calibration:
     """Return the calibration in a calibration.json or a file of Kalibr (.yaml), PSINS (.mat), TPOINT (.mod) or .csv."""
-    return with_console_text(exchange.read_calibration(Path(path)))
+    return _with_console_text(exchange.read_calibration(Path(path)))
 
 
-def with_console_text(calibration: Calibration) -> Calibration:
+def _with_console_text(calibration: Calibration) -> Calibration:
     """Return the calibration with the text of the console as its `str`."""
     from gimbalcal.report.console import calibration_in_words
 
     return replace(calibration, printer=calibration_in_words)
 
 
-def as_sequence(given: Item | Sequence[Item]) -> Sequence[Item]:
+def _as_sequence(given: Item | Sequence[Item]) -> Sequence[Item]:
     """Return a sequence; one name or file alone becomes a sequence of it and not of its characters."""
     return [given] if isinstance(given, (str, Path)) else given
 
 
-def as_list(recordings: Source | Sequence[Source]) -> Sequence[Source]:
+def _as_list(recordings: Source | Sequence[Source]) -> Sequence[Source]:
     if isinstance(recordings, (str, Path, Recording)):
         return [recordings]
     if isinstance(recordings, Mapping) or hasattr(recordings, "columns"):

@@ -28,7 +28,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.part")
     try:
-        with naming_full_disk(lambda _: path):
+        with _naming_full_disk(lambda _: path):
             yield temporary
         temporary.replace(path)
     finally:
@@ -78,11 +78,11 @@ def atomic_folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> 
     parent = next(p for p in (parent, *parent.parents) if p.is_dir())
     for each in {parent, home.parent, home}:
         _remove_abandoned(each, home.name)
-    private, lock = hidden_folder(parent, home.name)
+    private, lock = _hidden_folder(parent, home.name)
     try:
         new_folder = private / "new"
         new_folder.mkdir()  # as the mask lets others read it, which mkdtemp does not
-        with naming_full_disk(
+        with _naming_full_disk(
             lambda reported: (
                 path
                 / (reported if reported and new_folder in reported.parents else _latest(new_folder)).relative_to(
@@ -101,7 +101,7 @@ def atomic_folder(path: Path, last: str = "", belonging: Sequence[str] = ()) -> 
         os.close(lock)
 
 
-def hidden_folder(parent: Path, name: str) -> tuple[Path, int]:
+def _hidden_folder(parent: Path, name: str) -> tuple[Path, int]:
     """Return a new hidden folder of this process, and the file descriptor that keeps it locked."""
     while True:
         private = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=parent))
@@ -154,7 +154,7 @@ def _exchange_whole(new_folder: Path, path: Path, gone: Collection[Path]) -> boo
         return False
     whole = new_folder.with_name("whole")
     try:
-        if not merge_folders(new_folder, path, whole, {path / each for each in gone}) or not exchange_folders(
+        if not _merge_folders(new_folder, path, whole, {path / each for each in gone}) or not _exchange_folders(
             whole, path
         ):
             return False
@@ -164,7 +164,7 @@ def _exchange_whole(new_folder: Path, path: Path, gone: Collection[Path]) -> boo
     return True
 
 
-def merge_folders(new_folder: Path, path: Path, whole: Path, gone: Collection[Path]) -> bool:
+def _merge_folders(new_folder: Path, path: Path, whole: Path, gone: Collection[Path]) -> bool:
     """Make `whole` of `new_folder` and the rest of `path`; False where that cannot be, as with folders only in `path`.
 
     All are second names of the files, which take no room.
@@ -174,7 +174,7 @@ def merge_folders(new_folder: Path, path: Path, whole: Path, gone: Collection[Pa
     for each in new_folder.iterdir():
         if not each.is_dir():
             os.link(each, whole / each.name, follow_symlinks=False)
-        elif not merge_folders(each, path / each.name, whole / each.name, gone):
+        elif not _merge_folders(each, path / each.name, whole / each.name, gone):
             return False
     if path.is_dir():
         shutil.copystat(path, whole)
@@ -202,10 +202,10 @@ def _keep_foreign(new_folder: Path, old: Path, path: Path, gone: Collection[Path
 def _exchangeable(path: Path) -> bool:
     """Return whether the folder can be replaced by another: it is no mount point, and not the working directory."""
     ours = os.access(path.parent, os.W_OK | os.X_OK)
-    return ours and not is_mount_point(path) and not Path.cwd().is_relative_to(path)
+    return ours and not _is_mount_point(path) and not Path.cwd().is_relative_to(path)
 
 
-def is_mount_point(path: Path) -> bool:
+def _is_mount_point(path: Path) -> bool:
     """Return whether a disk, or a folder of it, is mounted at that place."""
     with suppress(OSError):
         if f" {path} " in Path("/proc/self/mountinfo").read_text(errors="replace"):
@@ -213,7 +213,7 @@ def is_mount_point(path: Path) -> bool:
     return path.is_mount()
 
 
-def exchange_folders(one: Path, other: Path) -> bool:
+def _exchange_folders(one: Path, other: Path) -> bool:
     """Exchange two folders in one step of the system, and return whether that was possible."""
     import ctypes  # not before: most of what is written needs none
 
@@ -231,7 +231,7 @@ def _latest(new_folder: Path) -> Path:
 
 
 @contextmanager
-def naming_full_disk(path: Callable[[Path | None], Path]) -> Iterator[None]:
+def _naming_full_disk(path: Callable[[Path | None], Path]) -> Iterator[None]:
     """Raise a full disk as one sentence with the name of the file, which the system reports only sometimes, an engine
     never.
 

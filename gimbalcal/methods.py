@@ -89,7 +89,7 @@ def calibrate_each(
         if len(groups) > 1:
             progress(f"calibrating {group[0].title}")
         request = Request(group, tuple(terms), tuple(more), tuple(without), states, grade, progress)
-        results.append((calibrate_unit(method, request, known), group))
+        results.append((_calibrate_unit(method, request, known), group))
     if len(results) == 1:
         return tuple(results)
     checks = cross_checks(results, progress)
@@ -123,7 +123,7 @@ def cross_checks(
     return checks
 
 
-def calibrate_unit(method: str, request: Request, known: Fleet | None) -> Calibration:
+def _calibrate_unit(method: str, request: Request, known: Fleet | None) -> Calibration:
     """Calibrate one unit by `method`, question unusual constants, add a fleet as prior, and the provenance."""
     recordings = request.recordings
     if method != "pointing" and any(r.kind.sighting for r in recordings):

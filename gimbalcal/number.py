@@ -28,7 +28,7 @@ def holds_real_numbers(x: Array) -> bool:
     return x.dtype.kind in "biuf"
 
 
-def elementwise(name: str, numeric: Callable[[Array], Array]) -> Callable[[ArrayLike], Array]:
+def _elementwise(name: str, numeric: Callable[[Array], Array]) -> Callable[[ArrayLike], Array]:
     def function(x: ArrayLike) -> Array:
         x = np.asarray(x)
         if x.dtype != object:
@@ -42,13 +42,13 @@ def elementwise(name: str, numeric: Callable[[Array], Array]) -> Callable[[Array
     return function
 
 
-sin = elementwise("sin", np.sin)
-cos = elementwise("cos", np.cos)
-exp = elementwise("exp", np.exp)
-log = elementwise("log", np.log)
-sqrt = elementwise("sqrt", np.sqrt)
-absolute = elementwise("Abs", lambda x: np.where(x.real < 0, -x, x))
-sign = elementwise("sign", lambda x: np.sign(x.real))
+sin = _elementwise("sin", np.sin)
+cos = _elementwise("cos", np.cos)
+exp = _elementwise("exp", np.exp)
+log = _elementwise("log", np.log)
+sqrt = _elementwise("sqrt", np.sqrt)
+absolute = _elementwise("Abs", lambda x: np.where(x.real < 0, -x, x))
+sign = _elementwise("sign", lambda x: np.sign(x.real))
 
 
 def _complex_arcsin(x: Array) -> Array:
@@ -58,7 +58,7 @@ def _complex_arcsin(x: Array) -> Array:
     return np.arcsin(x.real) + 1j * x.imag / np.sqrt(1 - x.real**2)
 
 
-arcsin = elementwise("asin", _complex_arcsin)
+arcsin = _elementwise("asin", _complex_arcsin)
 
 
 def arctan2(y: ArrayLike, x: ArrayLike) -> Array:

@@ -183,7 +183,7 @@ def _multiply(one: Unit, other: Unit) -> Unit:
     exponents = dict(one.dimension)
     for name, n in other.dimension:
         exponents[name] = exponents.get(name, 0.0) + n
-    return sound_unit(one.factor * other.factor, exponents)
+    return _sound_unit(one.factor * other.factor, exponents)
 
 
 def _power(unit: Unit, n: float) -> Unit:
@@ -192,10 +192,10 @@ def _power(unit: Unit, n: float) -> Unit:
         factor = 1.0 / unit.factor if n == -1 else unit.factor**n
     except (OverflowError, ZeroDivisionError):  # ug^400
         raise KeyError(str(n)) from None
-    return sound_unit(factor, {name: e * n for name, e in unit.dimension})
+    return _sound_unit(factor, {name: e * n for name, e in unit.dimension})
 
 
-def sound_unit(factor: float, exponents: Mapping[str, float]) -> Unit:
+def _sound_unit(factor: float, exponents: Mapping[str, float]) -> Unit:
     """Return the unit, unless numbers run out on it: ug^-inf, ug^70."""
     if not (0 < factor < inf and all(map(isfinite, exponents.values()))):
         raise KeyError(str(factor))

@@ -145,7 +145,7 @@ def corrections(c: Calibration, recordings: Sequence[Recording], limit: Limit) -
         wrong = [p.axis for p in (c.parameters[i] for i in beyond_grade(c, limit)) if p.effect == effect]
         if wrong and quantity == "angular_rate" and len(wrong) == len(sizes):
             for factor, unit in CLOCK_UNITS.items():
-                if are_alike(sizes.values(), factor):
+                if _are_alike(sizes.values(), factor):
                     yield Correction(f"the time is in {unit}", clock=factor)
         if wrong:
             yield from _of_sensors([sizes[a] for a in wrong], wrong, quantity, recordings[0])
@@ -160,9 +160,9 @@ def _of_sensors(sizes: Sequence[float], axes: Sequence[str], quantity: str, r: R
     words = which + " in {unit}, not in {stated}"
     stated = r.units.get((quantity, axes[0]), QUANTITIES[quantity].si)
     for correction in in_other_units(quantity, axes, [stated], words):
-        if are_alike(map(abs, sizes), correction.factor(quantity)):
+        if _are_alike(map(abs, sizes), correction.factor(quantity)):
             yield correction
 
 
-def are_alike(sizes: Iterable[float], factor: float) -> bool:
+def _are_alike(sizes: Iterable[float], factor: float) -> bool:
     return all(abs(size / factor - 1) < MAX_RELATIVE_DIFFERENCE for size in sizes)

@@ -60,7 +60,7 @@ def test_a_folder_whose_making_fails_is_not_seen(tmp_path, there):
 
 
 def test_a_folder_takes_its_files_in_order_and_keeps_strangers(tmp_path, monkeypatch):
-    monkeypatch.setattr(atomic, "exchange_folders", lambda one, other: False)  # a system that has no such step
+    monkeypatch.setattr(atomic, "_exchange_folders", lambda one, other: False)  # a system that has no such step
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine").write_text("kept")
     moved: list[str] = []
@@ -154,7 +154,7 @@ def cut_at(n, monkeypatch):
             m.setattr(os, name, dying(getattr(os, name)))
         for name in ("rename", "replace", "mkdir"):
             m.setattr(Path, name, dying(getattr(Path, name)))
-        m.setattr(atomic, "exchange_folders", dying(atomic.exchange_folders))
+        m.setattr(atomic, "_exchange_folders", dying(atomic._exchange_folders))
         m.setattr("shutil.rmtree", dying(atomic.shutil.rmtree))
         yield taken
 
@@ -246,7 +246,7 @@ def test_what_is_exchanged_and_what_not(tmp_path, monkeypatch, why):
 @pytest.mark.parametrize("as_one", [True, False])
 def test_what_belongs_to_earlier_files_goes_with_them(tmp_path, monkeypatch, as_one):
     if not as_one:
-        monkeypatch.setattr(atomic, "exchange_folders", lambda one, other: False)
+        monkeypatch.setattr(atomic, "_exchange_folders", lambda one, other: False)
     for name in (*NAMES, "law.py", "mine"):
         atomic.write(tmp_path / "out" / name, "old")
     with atomic.atomic_folder(tmp_path / "out", belonging=("law.py", "c.html", "never")) as new:
@@ -295,14 +295,14 @@ def test_what_another_saves_meanwhile_stays(tmp_path, monkeypatch):
     out = tmp_path / "out"
     replaced(out, "old")
     (out / "mine").write_text("draft")
-    exchange = atomic.exchange_folders
+    exchange = atomic._exchange_folders
 
     def slow(one, other):
         atomic.write(out / "mine", "saved")
         (out / "more").write_text("more")
         return exchange(one, other)
 
-    monkeypatch.setattr(atomic, "exchange_folders", slow)
+    monkeypatch.setattr(atomic, "_exchange_folders", slow)
     replaced(out, "new")
     assert ages(out) == {"new"}
     assert (out / "mine").read_text() == "saved"

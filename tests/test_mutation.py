@@ -23,8 +23,8 @@ def test_a_mistake_is_made_and_taken_back():
 
 @pytest.mark.parametrize(
     ("module", "function", "before", "words"),
-    [(COURSE, "weighted_mean", "sigma**-3", "0 times, and not once"),
-     (COURSE, "weighted_mean", "w", "times, and not once"),
+    [(COURSE, "_weighted_mean", "sigma**-3", "0 times, and not once"),
+     (COURSE, "_weighted_mean", "w", "times, and not once"),
      (COURSE, "_median", "w", "is not there any more"), ("gimbalcal.nowhere", "_mean", "w", "is not there any more")],
 )  # fmt: skip
 def test_a_mistake_that_has_no_place_is_named(module, function, before, words):

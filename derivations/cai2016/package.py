@@ -115,7 +115,7 @@ checks(SOURCE, "Eq. (6)", "Eq. (20)", "Eq. (23), F25", where=ACC)(partial(angles
 checks(SOURCE, *(f"Eq. ({n})" for n in (9, 10, 11, 12, 19)), "Eq. (23), F29", where=ACC)(arms)
 
 
-@checks(SOURCE, "Eq. (7)", "Eq. (8)", where="inversion.invert")
+@checks(SOURCE, "Eq. (7)", "Eq. (8)", where="inversion.invert_response")
 def inversion() -> float:
     """(6) solved: counts of the derived model with squares and products, inverted by the package's, over the force."""
     from gimbalcal.inversion import invert_response
@@ -149,10 +149,10 @@ def attitude(row: int) -> float:
 
 
 for _row in range(len(table_1.ROWS) + 1):
-    checks(SOURCE, table_1.item(_row), where="schedule.rotations.CAI_18")(partial(attitude, _row))
+    checks(SOURCE, table_1.item(_row), where="schedule.published.CAI_18")(partial(attitude, _row))
 
 
-@checks(SOURCE, "Section 3.4, 1 h", where="schedule.rotations.CAI_18")
+@checks(SOURCE, "Section 3.4, 1 h", where="schedule.published.CAI_18")
 def times() -> float:
     """Speed and stop."""
     return float(np.abs(_schedule()[1] - [table_1.SPEED, table_1.STOP]).max())

@@ -22,8 +22,8 @@ PLACES: tuple[tuple[tuple[int | str, ...], str, Check, float], ...] = (
     ((13,), PASS, passes.calibrated_innovations, 0.2),
     ((13,), "filter_pass.data_information", passes.information_of_data, 1e-9),
     ((13, 17, 21, 25, 27), "iterate.iterate", passes.passes, 5e-2),
-    ((13,), "calibrate.calibrated", passes.stated_calibration, 1e-6),
-    ((13,), "calibrate._joint", passes.joint_information, 1e-9),
+    ((13,), "calibrate.calibration_of_fit", passes.stated_calibration, 1e-6),
+    ((13,), "calibrate._joint_information", passes.joint_information, 1e-9),
     ((1, 4), "error_model.invert_readings", passes.inverted, 1e-11),
 )
 
@@ -39,4 +39,4 @@ for _numbers, _place, _check, _tolerance in PLACES:
 checks(SOURCE, "Eq. (17)", where="earth.rate_at")(rest.earth_rate)
 checks(SOURCE, "Eq. (17)", where="rotation.mean_rates")(rest.rotation_of_samples)
 checks(SOURCE, "Eq. (1)", "Eq. (4)", where="recording.increments")(rest.increments)
-checks(SOURCE, "Eq. (1)", "Eq. (4)", where="navigate.strapdown_unit.thinned")(passes.mean_readings)
+checks(SOURCE, "Eq. (1)", "Eq. (4)", where="navigate.strapdown_unit.thinned_intervals")(passes.mean_readings)

@@ -85,7 +85,7 @@ def cube() -> float:
     return float(np.abs(_physical(*K1, *K2, *BIAS, *E) - numbers(alone, GENERIC)[:, 0]).max())
 
 
-@checks(SOURCE, "Eq. (5)", "Eq. (8)", where="estimate.pulses.gravity_norm.lower")
+@checks(SOURCE, "Eq. (5)", "Eq. (8)", where="estimate.pulses.gravity_norm.unit_lower_triangular")
 def lower_triangle() -> float:
     """C through first order, which is what a diagonal in the scale terms leaves."""
     from gimbalcal.estimate.pulses.gravity_norm import unit_lower_triangular
@@ -145,7 +145,7 @@ def euler_matrix() -> float:
     return float(np.abs(revolutions.triad_rotation(at) - derived).max())
 
 
-@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.revolutions.euler")
+@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.revolutions.euler_angles")
 def euler_angles() -> float:
     """The angles from the derived matrix."""
     from gimbalcal.estimate.gyroscopes import revolutions

@@ -222,10 +222,10 @@ def between_triads() -> float:
     return float(np.abs(found.angles - BETWEEN).max())
 
 
-@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.revolutions._turn", tolerance=1e-6)
+@checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.revolutions._turn_relative_to_earth", tolerance=1e-6)
 def turn_relative_to_earth() -> float:
     """A turn whose rates hold the Earth's: the rotation of the Earth's axes in the unit."""
-    from gimbalcal.estimate.gyroscopes.revolutions import turn_relative_to_earth
+    from gimbalcal.estimate.gyroscopes.revolutions import _turn_relative_to_earth
 
     u, earth = np.array([0.6, 0.0, 0.8]), EARTH * np.array([0.3, -0.5, 0.8])
     t = np.linspace(0.0, 4.0, 801)
@@ -233,7 +233,7 @@ def turn_relative_to_earth() -> float:
     speed = 1.3 / 4 * (1 - np.cos(2 * pi * t / 4))
     C = [rotation(u, a).T for a in phase]
     rate = np.array([w * u + c @ earth for w, c in zip(speed, C, strict=True)])
-    return float(np.abs(turn_relative_to_earth(t, rate, slice(None), earth) - C[-1]).max())
+    return float(np.abs(_turn_relative_to_earth(t, rate, slice(None), earth) - C[-1]).max())
 
 
 @checks(SOURCE, "Eq. (43)", where="estimate.gyroscopes.revolutions.in_accelerometer_frame", tolerance=1e-9)
@@ -259,16 +259,16 @@ def referred() -> float:
 # --- what is solved for, and how
 
 
-@checks(SOURCE, "Eq. (37)", where="estimate.pulses.gravity_norm._free")
+@checks(SOURCE, "Eq. (37)", where="estimate.pulses.gravity_norm._free_ordinals")
 def solved_for_by_gravity() -> float:
     """How many of the parameters of (37) the fit does not solve for, and how many it does besides."""
-    from gimbalcal.estimate.pulses.gravity_norm import free_ordinals
+    from gimbalcal.estimate.pulses.gravity_norm import _free_ordinals
 
-    ours = {PARAMETERS[i] for i in free_ordinals(3)}
+    ours = {PARAMETERS[i] for i in _free_ordinals(3)}
     return float(len(ours ^ set(optimisation.cases()["Eq. (37)"].derived)))
 
 
-@checks(SOURCE, "Eq. (38)", "Eq. (39)", where="estimate.pulses.whole_turns.FREE")
+@checks(SOURCE, "Eq. (38)", "Eq. (39)", where="estimate.pulses.whole_turns.FREE_ORDINALS")
 def solved_for_by_turns() -> float:
     """The same of (38) and (39) together, which the package solves at once."""
     from gimbalcal.estimate.pulses.whole_turns import FREE_ORDINALS

@@ -104,7 +104,7 @@ def _turn_fit() -> tuple[Any, Any]:
 
     one, other = (np.stack(SUMS[s])[None, None] for s in "+-")
     counted = revolutions.Revolutions(one, other, counts()[None], DURATION, ANGLE, SIGMA, SIGMA_REST)
-    data = revolutions.in_units_of_angle(counted, ROUGH[None], ANGLE / DURATION)
+    data = revolutions._in_units_of_angle(counted, ROUGH[None], ANGLE / DURATION)
     x = np.array([GENERIC[s] for s in FREE])
     r, J = revolutions._residuals((x / _units())[None], data, counted, True)
     return r[0], J[0] / _units()

@@ -80,8 +80,8 @@ def attitude(row: int) -> float:
 
 
 for _row in range(1, 2 * len(table_1.ROWS) + 1):
-    checks(SOURCE, table_1.item(_row), where="schedule.rotations.WEI_30")(partial(attitude, _row))
-checks(SOURCE, "Section 4.1, initial attitude", where="schedule.rotations.WEI_30")(partial(attitude, 0))
+    checks(SOURCE, table_1.item(_row), where="schedule.published.WEI_30")(partial(attitude, _row))
+checks(SOURCE, "Section 4.1, initial attitude", where="schedule.published.WEI_30")(partial(attitude, 0))
 
 
 # --- navigation and filter

@@ -14,15 +14,15 @@ STARS = "navigate.space_stable_navigator"
 checks(SOURCE, "Eq. (9)", "Eq. (10)", where="earth.rate_at")(rest.earth_rate)
 checks(SOURCE, "Eq. (11)", where="earth.radii")(rest.earth_radii)
 checks(SOURCE, "Eq. (10)", where="earth.normal_gravity", tolerance=1e-10)(rest.normal_gravity)
-checks(SOURCE, "Eq. (10)", where=f"{STARS}._held", tolerance=1e-7)(rest.loops)
-checks(SOURCE, "Eq. (10)", "Eq. (11)", where="navigate.strapdown.aided", tolerance=1e-5)(rest.aided_strapdown)
-checks(SOURCE, "Eq. (10)", "Eq. (11)", where=f"{STARS}._march", tolerance=1e-6)(rest.aided_among_the_stars)
+checks(SOURCE, "Eq. (10)", where=f"{STARS}._loop_constants", tolerance=1e-7)(rest.loops)
+checks(SOURCE, "Eq. (10)", "Eq. (11)", where="navigate.strapdown.aided_strapdown", tolerance=1e-5)(rest.aided_strapdown)
+checks(SOURCE, "Eq. (10)", "Eq. (11)", where=f"{STARS}._run_loop", tolerance=1e-6)(rest.aided_among_the_stars)
 checks(SOURCE, "Eq. (11)", where=f"{STARS}._at_rest")(rest.still_among_the_stars)
 checks(SOURCE, "Eq. (9)", where="navigate.strapdown_unit._in_carried_axes", tolerance=1e-4)(rest.coarse_alignment)
-checks(SOURCE, "Eq. (9)", where="navigate.strapdown_unit.aligned", tolerance=1e-6)(rest.alignment)
-checks(SOURCE, "Eq. (11)", where="navigate.static_run.horizontal")(rest.metres)
+checks(SOURCE, "Eq. (9)", where="navigate.strapdown_unit.aligned_attitude", tolerance=1e-6)(rest.alignment)
+checks(SOURCE, "Eq. (11)", where="navigate.static_run.horizontal_distance")(rest.metres)
 checks(SOURCE, "Eq. (23)", where="design.budget", tolerance=1e-9)(rest.parts_of_budget)
-checks(SOURCE, "Eq. (23)", where="navigate.uncertainty._sampled", tolerance=1e-9)(rest.sampled_sigma)
+checks(SOURCE, "Eq. (23)", where="navigate.uncertainty._sampled_sigma", tolerance=1e-9)(rest.sampled_sigma)
 
 
 # --- the filter of constants

@@ -95,7 +95,7 @@ def sensor_inverse() -> float:
     return float(np.abs(numbers(sensor.solved_for_force(), at)[:, 0] - force).max() / G_NORMAL)
 
 
-@checks(SOURCE, "Eq. (5)", where="effects.Misalignment")
+@checks(SOURCE, "Eq. (5)", where="effects.accelerometer.Misalignment")
 def misalignment() -> float:
     """Eq. (5): force plus the effect's contribution against C_p^a f^p."""
     effects, v = _sensor_effects()

@@ -314,7 +314,7 @@ def attitude_operator() -> float:
     "Eq. (39)",
     "Eq. (40)",
     "Eq. (41)",
-    where="estimate.static_run.combined_coefficients.separate",
+    where="estimate.static_run.combined_coefficients.separate_parameters",
     tolerance=1e-9,
 )
 def separated() -> float:

@@ -97,7 +97,7 @@ def projection() -> float:
     return float(np.abs(ours - z).max() / np.abs(z).max())
 
 
-@checks(SOURCE, "Eq. (26)", where="estimate.static_run.force_filter.estimate")
+@checks(SOURCE, "Eq. (26)", where="estimate.static_run.force_filter.estimate_state")
 def filtered() -> float:
     """The states from a day without noise: the filter must return (21) to (25)."""
     from gimbalcal.estimate.static_run import force_filter

@@ -44,7 +44,7 @@ from derivations.wu2018.symbols import (
 )
 
 EQUATIONS = (21, 22, 23, 24, 25, 34, 35, 36, 37, 38, 29, 31, 30, 33, 32)  # in the order of `combined.NAMES`
-SEPARATION = "estimate.static_run.combined_coefficients.matrix"
+SEPARATION = "estimate.static_run.combined_coefficients.coefficient_matrix"
 PHASES = 2 * np.pi * np.arange(24) / 24  # rad; exact for harmonics up to 11
 
 

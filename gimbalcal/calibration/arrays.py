@@ -58,10 +58,10 @@ def correct_arrays(
     n = len(next(iter(readings.values()), ()))
     time = to_si(np.asarray(readings.get("time", np.arange(n)), dtype=float), stated.get("time", "s"))
     each = ((q, axis, x) for q, values in given.items() for axis, x in by_axis(q, values, str(n)))
-    channels: dict[Key, Array] = {(q, axis): from_stated_unit(q, x, stated.get(q, "")) for q, axis, x in each}
+    channels: dict[Key, Array] = {(q, axis): _from_stated_unit(q, x, stated.get(q, "")) for q, axis, x in each}
     logged = {key: stated[key[0]] for key in channels if key[0] in stated}
     corrected = _corrected(calibration, time, channels, logged)
-    return {q: to_unit(corrected.triad(q), stated.get(q, "")) for q in (FORCE, RATE) if corrected.has(q)}
+    return {q: _to_unit(corrected.triad(q), stated.get(q, "")) for q in (FORCE, RATE) if corrected.has(q)}
 
 
 def correct_frame(calibration: Calibration, frame: FrameT, columns: Mapping[str, Entry] | None = None) -> FrameT:
@@ -92,11 +92,11 @@ def correct_frame(calibration: Calibration, frame: FrameT, columns: Mapping[str,
         if key[0] == "time":
             time = to_si(values, clock.unit)
         else:
-            channels[key] = column.sign * from_stated_unit(key[0], values, column.unit)
+            channels[key] = column.sign * _from_stated_unit(key[0], values, column.unit)
             logged[key] = column.unit
     corrected = _corrected(calibration, time, channels, logged)
     new = {
-        name: c.sign * to_unit(corrected.channels[c.quantity, c.axis], c.unit)
+        name: c.sign * _to_unit(corrected.channels[c.quantity, c.axis], c.unit)
         for name, c in described.items()
         if c.quantity in (FORCE, RATE)
     }
@@ -132,14 +132,14 @@ def _corrected(
     return correct(calibration, recording)
 
 
-def from_stated_unit(quantity: str, values: Any, unit: str) -> Array:
+def _from_stated_unit(quantity: str, values: Any, unit: str) -> Array:
     x = np.asarray(values, dtype=float)
     if not unit or is_raw(unit):
         return x
     return celsius(x, unit) if quantity == "temperature" else to_si(x, unit)
 
 
-def to_unit(x: Array, unit: str) -> Array:
+def _to_unit(x: Array, unit: str) -> Array:
     return x if not unit or is_raw(unit) else from_si(x, unit)
 
 

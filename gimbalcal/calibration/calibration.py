@@ -228,7 +228,7 @@ class Calibration(Displayed):
         names = [f"{p.name} {p.axis}".strip() for p in self.parameters]
         wide = max(map(len, names), default=0)
         lines = zip(names, self.estimates, strict=True)
-        table = [f"{n:{wide}s} {rounded_columns(e.value, e.sigma)} {e.parameter.unit}" for n, e in lines]
+        table = [f"{n:{wide}s} {_rounded_columns(e.value, e.sigma)} {e.parameter.unit}" for n, e in lines]
         labels = {p.label for p in self.parameters}
         fixed: dict[str, list[str]] = {}
         for label in (label for u in self.unobservable for label in u.direction if label not in labels):
@@ -348,7 +348,7 @@ class Calibration(Displayed):
         write_json(path, self.to_dict())
 
 
-def rounded_columns(value: float, sigma: float) -> str:
+def _rounded_columns(value: float, sigma: float) -> str:
     """Return a number and its sigma to two digits of the sigma, in columns."""
     digits = 1 - math.floor(math.log10(sigma)) if 0 < sigma < math.inf else 6
     rounded = [f"{round(x, digits):.{max(digits, 0)}f}" for x in (value, sigma)]
@@ -392,21 +392,21 @@ def from_dict(content: object, gimbals: Sequence[str] = ()) -> Calibration:
         residual=Residual(file.residual.chi2, file.residual.dof, file.residual.rms, file.residual.navigation or {}),
         outcome=file.outcome,
         provenance=origin,
-        stages=tuple(map(stage_of_row, file.stages)),
+        stages=tuple(map(_stage_of_row, file.stages)),
         readout=readout,
     )
 
 
-def stage_of_row(s: StageRow) -> StageResult:
+def _stage_of_row(s: StageRow) -> StageResult:
     if s.values.keys() != s.sigmas.keys():
         raise InputError(f"stages / {s.name}: there must be a sigma for each of its values, by the same names")
     estimates, sigmas = (np.array([*x.values()], dtype=float) for x in (s.values, s.sigmas))
-    history = stage_history(s.history, tuple(s.values)) if s.history else None
+    history = _stage_history(s.history, tuple(s.values)) if s.history else None
     rms = math.nan if s.rms is None else s.rms
     return StageResult(s.name, tuple(s.values), estimates, sigmas, rms, s.in_words, history)
 
 
-def stage_history(row: HistoryRow, labels: tuple[str, ...]) -> StageHistory:
+def _stage_history(row: HistoryRow, labels: tuple[str, ...]) -> StageHistory:
     time = np.array(row.time_s, dtype=float)
     lists = [by_label.get(label, []) for by_label in (row.values, row.sigmas) for label in labels]
     if any(len(x) != len(time) for x in lists):

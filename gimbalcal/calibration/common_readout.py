@@ -65,7 +65,7 @@ def in_readout(c: Calibration, readout: Readout) -> Calibration:
     counts = {q: wanted.get(q, n) for q, n in own.items()}
     if counts == own:
         return c
-    each = [nominal_conversion(p, own, counts) for p in c.parameters]
+    each = [_nominal_conversion(p, own, counts) for p in c.parameters]
     factor, shift = (np.array(x) for x in zip(*each, strict=True))
     parameters = tuple(
         replace(p, sigma=p.sigma * abs(f), mean=f * p.mean + d) for p, (f, d) in zip(c.parameters, each, strict=True)
@@ -79,7 +79,7 @@ def in_readout(c: Calibration, readout: Readout) -> Calibration:
     )
 
 
-def nominal_conversion(p: Parameter, before: dict[str, Counts], after: dict[str, Counts]) -> tuple[float, float]:
+def _nominal_conversion(p: Parameter, before: dict[str, Counts], after: dict[str, Counts]) -> tuple[float, float]:
     """Return factor and shift that take a parameter from one nominal to another."""
     quantity = output_of(p)
     if quantity not in before:

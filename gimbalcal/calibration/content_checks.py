@@ -105,7 +105,7 @@ def refuse_unsound(rows: Sequence[ParameterRow], known: Sequence[Parameter], cov
                 f"parameter {i}, {p.label}, is in {unit!r}, which is not a unit of it; give it in {p.unit}"
             )
         for name, number in (("value", row.value), ("sigma", row.sigma)):
-            if not is_finite_number(number):
+            if not _is_finite_number(number):
                 raise InputError(
                     f"parameter {i}, {p.label}: its {name} must be a finite number, got {shortened_text(repr(number))}"
                 )
@@ -114,7 +114,7 @@ def refuse_unsound(rows: Sequence[ParameterRow], known: Sequence[Parameter], cov
         if abs(float(to_si(float(row.value), unit))) > MAX_VALUE * p.sigma:
             raise InputError(f"parameter {i}, {p.label}: {float(row.value):g} {unit} is beyond anything that is built")
         prior = row.prior_sigma
-        if prior is not None and not (is_finite_number(prior) and prior > 0):
+        if prior is not None and not (_is_finite_number(prior) and prior > 0):
             raise InputError(
                 f"parameter {i}, {p.label}: its prior_sigma must be above zero, got {shortened_text(repr(prior))}"
             )
@@ -125,7 +125,7 @@ def refuse_unsound(rows: Sequence[ParameterRow], known: Sequence[Parameter], cov
     _refuse_covariance(rows, known, covariance)
 
 
-def is_finite_number(number: Any) -> bool:
+def _is_finite_number(number: Any) -> bool:
     """Return whether a value is a number that a float can hold."""
     if isinstance(number, bool) or not isinstance(number, (int, float)):
         return False
@@ -139,7 +139,7 @@ def refuse_misfit(residual: ResidualRow) -> None:
     """Raise InputError where the residual of a calibration.json has a number that is not zero or more."""
     named = {"chi2": residual.chi2, "dof": residual.dof, **residual.rms}
     for name, number in named.items():
-        if not (is_finite_number(number) and 0 <= number < MAX_NUMBER):
+        if not (_is_finite_number(number) and 0 <= number < MAX_NUMBER):
             raise InputError(
                 f"residual / {name} must be a finite number of zero or more, got {shortened_text(repr(number))}"
             )

@@ -50,7 +50,7 @@ def correct(calibration: Calibration, recording: Recording) -> Recording:
     is in another unit, or vice versa.
     """
     _refuse_other_rig(calibration, recording)
-    effects = _with_needs(effects_on_recording(calibration, recording), recording)
+    effects = _with_needs(_effects_on_recording(calibration, recording), recording)
     _refuse_other_unit(calibration.readout, recording)
     out = in_si(recording, calibration.readout)
     change = mount(out, effects)
@@ -60,26 +60,26 @@ def correct(calibration: Calibration, recording: Recording) -> Recording:
     for _ in range(MAX_STEPS):  # force and rate enter each other's errors (g-sensitivity, lever arms)
         before = s
         if rate is not None:
-            w, rate_gain = physics_of_readings(partial(gyroscopes, s=s, effects=effects), rate, RATE)
+            w, rate_gain = _physics_of_readings(partial(gyroscopes, s=s, effects=effects), rate, RATE)
             s = s.at(rate=w)
         if force is not None:
-            f, force_gain = physics_of_readings(partial(accelerometers, s=s, effects=effects), force, FORCE)
+            f, force_gain = _physics_of_readings(partial(accelerometers, s=s, effects=effects), force, FORCE)
             s = s.at(force=f)
         if np.array_equal(s.force, before.force) and np.array_equal(s.rate, before.rate):
             break
     channels = dict(out.channels)
     if force is not None:
-        channels |= _columns(FORCE, turn_vectors(s.force, change, 1.0))
+        channels |= _columns(FORCE, _turn_vectors(s.force, change, 1.0))
         out = with_noise(out, FORCE, force_gain)
     if rate is not None:
-        channels |= _columns(RATE, turn_vectors(s.rate, change, 1.0))
+        channels |= _columns(RATE, _turn_vectors(s.rate, change, 1.0))
         out = with_noise(out, RATE, rate_gain)
-    return replace(out, channels=with_channel_errors(channels, change, 1.0))
+    return replace(out, channels=_with_channel_errors(channels, change, 1.0))
 
 
 def extrapolations(calibration: Calibration, recording: Recording) -> tuple[str, ...]:
     """Return a remark for each law that a corrected recording leads out of where it was determined."""
-    laws = [e for e in effects_on_recording(calibration, recording) if e.domain]
+    laws = [e for e in _effects_on_recording(calibration, recording) if e.domain]
     if not laws:
         return ()
     s = _initial_stimulus(recording)
@@ -89,7 +89,7 @@ def extrapolations(calibration: Calibration, recording: Recording) -> tuple[str,
     )  # fmt: skip
 
 
-def physics_of_readings(h: Callable[[Array], Array], y: Array, quantity: str) -> tuple[Array, Array]:
+def _physics_of_readings(h: Callable[[Array], Array], y: Array, quantity: str) -> tuple[Array, Array]:
     """Return the physics (n, 3) and its derivative (n, 3, 3) by the readings; the identity where the law is flat.
 
     Raises InputError for readings outside the range of the calibrated sensors.
@@ -106,14 +106,14 @@ def physics_of_readings(h: Callable[[Array], Array], y: Array, quantity: str) ->
     return f, np.linalg.inv(np.where(flat[:, None, None], np.eye(3), H))
 
 
-def turn_vectors(v: Array, change: Mount | None, sign: float) -> Array:
+def _turn_vectors(v: Array, change: Mount | None, sign: float) -> Array:
     """Return vectors (n, 3) of the block in the attitude of a perfect mount; the inverse for sign -1."""
     if change is None or change.turn is None:
         return v
     return apply_matrix(change.turn if sign > 0 else np.swapaxes(change.turn, -1, -2), v)
 
 
-def with_channel_errors(channels: dict[Key, Array], change: Mount | None, sign: float) -> dict[Key, Array]:
+def _with_channel_errors(channels: dict[Key, Array], change: Mount | None, sign: float) -> dict[Key, Array]:
     """Return channels without the errors that the mount adds to them, or with them for sign -1."""
     added = (change and change.added) or {}
     return {key: values + sign * added[key] if key in added else values for key, values in channels.items()}
@@ -153,25 +153,25 @@ def _initial_stimulus(recording: Recording) -> Stimulus:
 def corrupt(calibration: Calibration, recording: Recording) -> Recording:
     """Return what the calibrated unit would have read, inverse of `correct`. Direction: physics to readings."""
     _refuse_other_rig(calibration, recording)
-    effects = _with_needs(effects_on_recording(calibration, recording), recording)
+    effects = _with_needs(_effects_on_recording(calibration, recording), recording)
     read, change = _with_mount(recording, effects)
     s = _initial_stimulus(recording)
-    channels = with_channel_errors(dict(read.channels), change, -1.0)
+    channels = _with_channel_errors(dict(read.channels), change, -1.0)
     if recording.has(FORCE):
-        f = turn_vectors(replace(read, channels=channels).triad(FORCE), change, -1.0)
-        y, H = readings_of(partial(accelerometers, s=s, effects=effects), f, FORCE)
+        f = _turn_vectors(replace(read, channels=channels).triad(FORCE), change, -1.0)
+        y, H = _readings_of(partial(accelerometers, s=s, effects=effects), f, FORCE)
         channels |= _columns(FORCE, y)
         read = with_noise(read, FORCE, H)
         s = s.at(force=f)
     if recording.has(RATE):
-        w = turn_vectors(recording.triad(RATE), change, -1.0)
-        y, H = readings_of(partial(gyroscopes, s=s, effects=effects), w, RATE)
+        w = _turn_vectors(recording.triad(RATE), change, -1.0)
+        y, H = _readings_of(partial(gyroscopes, s=s, effects=effects), w, RATE)
         channels |= _columns(RATE, y)
         read = with_noise(read, RATE, H)
     return in_counts(replace(read, channels=channels), calibration.readout)
 
 
-def readings_of(h: Callable[[Array], Array], f: Array, quantity: str) -> tuple[Array, Array]:
+def _readings_of(h: Callable[[Array], Array], f: Array, quantity: str) -> tuple[Array, Array]:
     """Return the readings of f (n, 3), and dh/df (n, 3, 3). Raises InputError where a law has no reading for it."""
     with np.errstate(over="ignore", invalid="ignore"):
         y, H = response_with_derivative(h, f)
@@ -212,7 +212,7 @@ def _columns(quantity: str, v: Array) -> dict[Key, Array]:
     return {(quantity, a): v[:, i] for i, a in enumerate(TRIAD)}
 
 
-def effects_on_recording(calibration: Calibration, recording: Recording) -> tuple[Effect, ...]:
+def _effects_on_recording(calibration: Calibration, recording: Recording) -> tuple[Effect, ...]:
     """Return the effects of a recording: single events only where the calibration was estimated from it."""
     estimated_from = {file.sha256 for file in calibration.provenance.recordings}
     own = {file.sha256 for file in recording.source}

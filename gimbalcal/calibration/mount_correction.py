@@ -49,7 +49,7 @@ def mount(recording: Recording, effects: Sequence[Effect]) -> Mount | None:
     if not recording.has(ANGLE):
         return None
     if recording.kind.sighting:
-        return pointing_correction(recording, mine)
+        return _pointing_correction(recording, mine)
     s, readout = stimulus_from_readings(recording), recording.angles()
     if all(e.stage is Stage.ENCODER for e in mine):
         return Mount(np.asarray(sum(e.contribution(s) for e in mine)))
@@ -60,7 +60,7 @@ def mount(recording: Recording, effects: Sequence[Effect]) -> Mount | None:
     turn = platform.attitude(angle) @ np.swapaxes(C_np, -1, -2)
     of_gravity = [e for e in mine if e.stage is Stage.GRAVITY]
     perfect, actual = (predict(platform, s, chosen, recording.kind) for chosen in ((), of_gravity))
-    added = channel_differences(recording, perfect, actual)
+    added = _channel_differences(recording, perfect, actual)
     return Mount(angle - readout, turn, {k: v for k, v in added.items() if k[0] == FORCE and of_gravity})
 
 
@@ -80,7 +80,7 @@ def _static_run(recording: Recording, effects: Sequence[Effect]) -> Mount:
         perfect, as_read, tilted = (
             predict(platform, s, chosen, recording.kind) for chosen in ([unread], effects, of_mount)
         )
-        added = channel_differences(recording, perfect, as_read | {FORCE: tilted[FORCE]})
+        added = _channel_differences(recording, perfect, as_read | {FORCE: tilted[FORCE]})
         off = np.stack([added.pop((ANGLE, a), np.zeros(len(recording.time))) for a in names], axis=-1)
     return Mount(off, None, added)
 
@@ -101,7 +101,7 @@ class _Unread(Effect):
         return np.asarray(sum((e.contribution(s) for e in self.effects), start=0 * s.readout) * self.unread)
 
 
-def channel_differences(recording: Recording, to: Mapping[str, Array], of: Mapping[str, Array]) -> dict[Key, Array]:
+def _channel_differences(recording: Recording, to: Mapping[str, Array], of: Mapping[str, Array]) -> dict[Key, Array]:
     """Return what to add to each logged channel so that `of` becomes `to`; angles within half a turn."""
     out = {}
     for quantity, axis in recording.channels:
@@ -112,7 +112,7 @@ def channel_differences(recording: Recording, to: Mapping[str, Array], of: Mappi
     return out
 
 
-def pointing_correction(recording: Recording, effects: Sequence[Effect]) -> Mount:
+def _pointing_correction(recording: Recording, effects: Sequence[Effect]) -> Mount:
     """Return the correction of a pointing run, to the readouts of a perfect mount that points to the same star."""
     platform, readout = recording.platform, recording.angles()
     read = np.isin(platform.axis_names, recording.axes(ANGLE))

@@ -74,7 +74,7 @@ def from_content(content: Json) -> Readout:
     stated = entry_from(ReadoutRow, content["readout"], "readout")
     if stated.angles != DRAWING:
         raise InputError(f"readout / angles must be {DRAWING!r}, got {stated.angles!r}; calibrate again")
-    return Readout(counts_by_quantity(stated.accelerometers), counts_by_quantity(stated.gyroscopes), stated.gimbals)
+    return Readout(_counts_by_quantity(stated.accelerometers), _counts_by_quantity(stated.gyroscopes), stated.gimbals)
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class ReadoutRow(Entry):
     angles: Any
 
 
-def counts_by_quantity(stated: CountsRow | None) -> Counts | None:
+def _counts_by_quantity(stated: CountsRow | None) -> Counts | None:
     if stated is None:
         return None
     scale, offset = (np.broadcast_to(x, 3) for x in (stated.scale, stated.offset))
@@ -109,7 +109,7 @@ def in_si(recording: Recording, readout: Readout) -> Recording:
     for quantity, counts in readout.counts.items():
         if recording.has(quantity) and recording.counted(quantity):
             y = counts.to_si(recording.triad(quantity))
-            recording = in_other_unit(recording, quantity, y, np.abs(counts.scale), QUANTITIES[quantity].si)
+            recording = _in_other_unit(recording, quantity, y, np.abs(counts.scale), QUANTITIES[quantity].si)
     return recording
 
 
@@ -118,7 +118,7 @@ def in_counts(recording: Recording, readout: Readout) -> Recording:
     for quantity, counts in readout.counts.items():
         if recording.has(quantity):
             N = counts.from_si(recording.triad(quantity))
-            recording = in_other_unit(recording, quantity, N, 1 / np.abs(counts.scale), "count")
+            recording = _in_other_unit(recording, quantity, N, 1 / np.abs(counts.scale), "count")
     return recording
 
 
@@ -140,7 +140,7 @@ def with_noise(recording: Recording, quantity: str, gain: Array) -> Recording:
     )
 
 
-def in_other_unit(recording: Recording, quantity: str, values: Array, scale: Array, unit: str) -> Recording:
+def _in_other_unit(recording: Recording, quantity: str, values: Array, scale: Array, unit: str) -> Recording:
     """Return the recording with values (n, 3) of a quantity in another unit, its scatter and noise times scale (3,)."""
     by_axis = {(quantity, a): float(scale[i]) for i, a in enumerate(TRIAD)}
     return replace(

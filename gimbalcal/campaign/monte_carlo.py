@@ -50,10 +50,10 @@ def run_campaign(
     with store.alone():
         if overwrite:
             store.give_way()
-        return run_shares(what, store, n, workers, client, progress, page)
+        return _run_shares(what, store, n, workers, client, progress, page)
 
 
-def run_shares(
+def _run_shares(
     what: Task, store: CampaignFolder, n: int, workers: int, client: Any, progress: Progress, page: Page | None
 ) -> CampaignSummary:
     todo = store.open()
@@ -93,11 +93,11 @@ def summarise(rows: pl.DataFrame, what: Task, digest: str) -> CampaignSummary:
     # of equals the first by the alphabet, so that equal runs give equal files
     words = failed["outcome"].value_counts().sort(["count", "outcome"], descending=[True, False]).head(5)
     outcomes = dict(zip(words["outcome"].to_list(), words["count"].to_list(), strict=True))
-    text, n = summary_in_words(runs, len(failed), table), len(failed)
+    text, n = _summary_in_words(runs, len(failed), table), len(failed)
     return CampaignSummary(1, what.identity, digest, what.direction, runs, n, outcomes, tuple(table), text)
 
 
-def summary_in_words(runs: int, failed: int, table: Sequence[ParameterErrors]) -> str:
+def _summary_in_words(runs: int, failed: int, table: Sequence[ParameterErrors]) -> str:
     ratios = [row.ratio for row in table if isfinite(row.ratio)]
     if not ratios:
         return f"{number_of(runs, 'run')}, none with an estimate"

@@ -206,8 +206,8 @@ def _simulated(what: Task, run: int) -> dict[str, list[Any]]:
     try:
         calibration = _calibrated(what.method, recording)
     except InputError as problem:
-        return failed_run(run, str(problem))
-    truth = comparable_truth(effects, calibration.parameters, what.method)
+        return _failed_run(run, str(problem))
+    truth = _comparable_truth(effects, calibration.parameters, what.method)
     if recording.kind.stabilised:
         truth = _on_the_clock(
             truth, calibration.parameters, recording, check_content(content, what.name).schedule.start_angle
@@ -236,7 +236,7 @@ def _calibrated(method: str, recording: Recording) -> Calibration:
     return three_stage([recording])
 
 
-def failed_run(run: int, why: str) -> dict[str, list[Any]]:
+def _failed_run(run: int, why: str) -> dict[str, list[Any]]:
     nan = float("nan")
     row = (run, "", "SI", nan, nan, nan, nan, 0, why)
     return {name: [value] for name, value in zip(COLUMNS, row, strict=True)}
@@ -260,7 +260,7 @@ def _on_the_clock(truth: Array, wanted: Sequence[Parameter], recording: Recordin
     return out
 
 
-def comparable_truth(effects: Sequence[Effect], wanted: Sequence[Parameter], method: str) -> Array:
+def _comparable_truth(effects: Sequence[Effect], wanted: Sequence[Parameter], method: str) -> Array:
     """Return the truth (p,) in the convention of the estimate: without angles the first axes fix the triad's rotation.
 
     The accelerometers' frame so turned is that of the gyroscopes too; to first order in the misalignments.

@@ -57,7 +57,7 @@ def generators(seed: int, runs: range) -> list[np.random.Generator]:
     return [np.random.default_rng([seed, run]) for run in runs]
 
 
-def stacked_draws(rngs: list[np.random.Generator], shape: tuple[int, ...]) -> Array:
+def _stacked_draws(rngs: list[np.random.Generator], shape: tuple[int, ...]) -> Array:
     return np.stack([rng.standard_normal(shape) for rng in rngs])
 
 
@@ -81,9 +81,9 @@ def accelerometers(seed: int, runs: range, tilt: float, order: int = 3) -> Trial
     """Return Table 2: fifteen positions tipped by `tilt` [rad, one sigma per axis], counted, averaged and fitted."""
     rngs = generators(seed, runs)
     truth = accelerometer_truth(rngs)
-    force = tipped_directions(POSITIONS, tilt * stacked_draws(rngs, POSITIONS.shape)) * G0
+    force = tipped_directions(POSITIONS, tilt * _stacked_draws(rngs, POSITIONS.shape)) * G0
     sigma = ACCELEROMETER_NOISE / np.sqrt(REST * RATE)
-    noise = sigma * stacked_draws(rngs, POSITIONS.shape)
+    noise = sigma * _stacked_draws(rngs, POSITIONS.shape)
     # Eq. (2): what the counts stand for, plus the noise along the axes, is the true force
     counts = truth.counts(force - apply_to_vectors(unit_lower_triangular(truth.E), noise))
     return Trials(truth, accelerometer_pulses(counts, G0, sigma, order))
@@ -98,12 +98,12 @@ def gyroscope_truth(rngs: list[np.random.Generator]) -> Pulses:
 
 def gyroscope_revolutions(truth: Pulses, rngs: list[np.random.Generator], tilt: float) -> Revolutions:
     """Return counts of nine revolutions both ways and of fifteen dwells; turntable tipped by `tilt` [rad], Earth on."""
-    axes = tipped_directions(REVOLUTION_AXES, tilt * stacked_draws(rngs, REVOLUTION_AXES.shape))
+    axes = tipped_directions(REVOLUTION_AXES, tilt * _stacked_draws(rngs, REVOLUTION_AXES.shape))
     duration = REVOLUTIONS * 2 * np.pi / SPEED
     one, other = (_revolution(truth, axes, sign, duration, rngs) for sign in (1.0, -1.0))
-    up = tipped_directions(POSITIONS, tilt * stacked_draws(rngs, POSITIONS.shape))
+    up = tipped_directions(POSITIONS, tilt * _stacked_draws(rngs, POSITIONS.shape))
     sigma = GYROSCOPE_NOISE / np.sqrt(GYRO_REST * RATE)
-    noise = apply_to_vectors(unit_lower_triangular(truth.E), sigma * stacked_draws(rngs, POSITIONS.shape))
+    noise = apply_to_vectors(unit_lower_triangular(truth.E), sigma * _stacked_draws(rngs, POSITIONS.shape))
     rest = truth.counts(_earth_at_rest(up) - noise)
     return Revolutions(one, other, rest, duration, SPEED * duration, GYROSCOPE_NOISE * np.sqrt(duration / RATE), sigma)
 
@@ -123,7 +123,7 @@ def _revolution(truth: Pulses, axes: Array, sign: float, duration: float, rngs: 
     north = np.cos(phase)[:, None] * across[:, :, None] - np.sin(phase)[:, None] * third[:, :, None]
     earth = EARTH_RATE * (np.cos(LATITUDE) * north + np.sin(LATITUDE) * axes[:, :, None])
     rate = earth + sign * SPEED * axes[:, :, None]
-    noise = GYROSCOPE_NOISE / np.sqrt(duration * RATE / BLOCKS) * stacked_draws(rngs, rate.shape[1:])
+    noise = GYROSCOPE_NOISE / np.sqrt(duration * RATE / BLOCKS) * _stacked_draws(rngs, rate.shape[1:])
     flat = (rate - noise @ np.swapaxes(unit_lower_triangular(truth.E), -1, -2)[:, None]).reshape(len(axes), -1, 3)
     N = truth.counts(flat).reshape(rate.shape)
     return np.stack([N.sum(2), (N**2).sum(2)], axis=2) * duration / BLOCKS

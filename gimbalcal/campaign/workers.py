@@ -64,10 +64,10 @@ class TimeLeft:
         """Return in words how much is done, and the time left, after so many further items."""
         self.fresh += items
         seconds = (self.total - self.done - self.fresh) * (monotonic() - self.start) / self.fresh
-        return f"{self.done + self.fresh} of {number_of(self.total, noun)}, {duration_in_words(seconds)} left"
+        return f"{self.done + self.fresh} of {number_of(self.total, noun)}, {_hours_minutes_seconds(seconds)} left"
 
 
-def duration_in_words(seconds: float) -> str:
+def _hours_minutes_seconds(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
@@ -86,37 +86,37 @@ def compute_in_processes(
     pending = list(items)
     while pending:
         try:
-            for item, result in compute_in_pool(work, pending, workers):
+            for item, result in _compute_in_pool(work, pending, workers):
                 pending.remove(item)
                 yield item, result
         except BrokenProcessPool:
             for item in pending[:workers]:  # `compute_in_pool` keeps no more of them in the pool
-                yield item, compute_alone(work, item, lost)
+                yield item, _compute_alone(work, item, lost)
             pending = pending[workers:]
 
 
-def compute_alone(work: Callable[[Item], Result], item: Item, lost: Callable[[Item, str], Result]) -> Result:
+def _compute_alone(work: Callable[[Item], Result], item: Item, lost: Callable[[Item, str], Result]) -> Result:
     """Return the result of an item in a process of its own, which no other item can end."""
     for _ in range(DEATHS):
         try:
-            return next(compute_in_pool(work, [item], 1))[1]
+            return next(_compute_in_pool(work, [item], 1))[1]
         except BrokenProcessPool:
             continue
     return lost(item, f"{DEATHS} times")
 
 
-def compute_in_pool(
+def _compute_in_pool(
     work: Callable[[Item], Result], items: Sequence[Item], workers: int
 ) -> Iterator[tuple[Item, Result]]:
     # a fork server starts clean processes: no copied locks of BLAS or Arrow threads; Ctrl-C is the parent's to answer
-    pool = ProcessPoolExecutor(workers, get_context("forkserver"), begin_worker)
+    pool = ProcessPoolExecutor(workers, get_context("forkserver"), _begin_worker)
     try:
         yield from _run(pool, work, items, workers)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def begin_worker() -> None:
+def _begin_worker() -> None:
     """Leave Ctrl-C to the parent of a worker, and end the worker with it and with the server that forked it."""
     reuse_freed_memory()
     signal(SIGINT, SIG_IGN)

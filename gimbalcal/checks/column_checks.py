@@ -86,15 +86,15 @@ def angles_in_degrees(s: StreamChecks) -> str:
 
 def beyond_any_sensor(s: StreamChecks) -> str:
     """Refuse a few rows that read more than any sensor can."""
-    return refuse_beyond(s, MAX_READING, "any sensor can read")
+    return _refuse_beyond(s, MAX_READING, "any sensor can read")
 
 
 def beyond_rest(s: StreamChecks) -> str:
     """Refuse a few rows that read more than a unit at rest can; on the move, a knock may be anything."""
-    return refuse_beyond(s, MAX_READING_AT_REST, "a unit at rest can read", s.position)
+    return _refuse_beyond(s, MAX_READING_AT_REST, "a unit at rest can read", s.position)
 
 
-def refuse_beyond(s: StreamChecks, limits: Mapping[str, float], what: str, position: Column | None = None) -> str:
+def _refuse_beyond(s: StreamChecks, limits: Mapping[str, float], what: str, position: Column | None = None) -> str:
     """Refuse a few rows beyond a limit in SI (at rest, by a position column, if given); of most, the unit is wrong."""
     for c in (c for c in s.sensors if c.quantity in limits and not is_raw(c.unit)):
         limit = from_si(limits[c.quantity], c.unit)
@@ -112,22 +112,22 @@ def refuse_beyond(s: StreamChecks, limits: Mapping[str, float], what: str, posit
 def frozen_or_clipped(s: StreamChecks) -> str:
     """Refuse a channel that repeats one value, or its largest, more often than chance allows."""
     for c in (*s.sensors, *s.turning):
-        many = is_many(min(s.n, PIECE))
+        many = _is_many(min(s.n, PIECE))
         clipped = any(count >= many for (name, _), (_, count) in s.extremes.items() if name == c.name)
         if c.name not in s.standing and not clipped:
             continue
         x = s.whole(c.name)
         pieces = [x[start : start + PIECE] for start in range(0, len(x), PIECE)]
-        if sentence := _not_alive(s, c, pieces, noise_of_triad(s, c), clipped):
+        if sentence := _not_alive(s, c, pieces, _noise_of_triad(s, c), clipped):
             return sentence
     return ""
 
 
-def is_many(n: int) -> float:
+def _is_many(n: int) -> float:
     return max(MIN_ROWS, MIN_SHARE_CLIPPED * n)
 
 
-def noise_of_triad(s: StreamChecks, c: Column) -> float:
+def _noise_of_triad(s: StreamChecks, c: Column) -> float:
     """Return the scatter of the triad, or the header's noise where that is less or nothing scatters at all."""
     own = [other for other in s.sensors if other.sensor == c.sensor]
     triad = [other for other in own if other.quantity == c.quantity] or [c]  # a gimbal stands for itself
@@ -145,7 +145,7 @@ def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float
         return ""
     first = 0
     for x in pieces if clipped else ():
-        if sentence := refuse_clipped(s, c, x, first):
+        if sentence := _refuse_clipped(s, c, x, first):
             return sentence
         first += len(x)
     start, stop, usual = longest_run(pieces)
@@ -159,7 +159,8 @@ def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float
     runs = [
         run
         for run in runs_of(pieces, least)
-        if run[1] - run[0] >= max(MIN_ROWS, needed) * _usual_length(x, *run, least) and not is_calm(s, c, *run, quantum)
+        if run[1] - run[0] >= max(MIN_ROWS, needed) * _usual_length(x, *run, least)
+        and not _is_calm(s, c, *run, quantum)
     ]
     if not runs:
         return ""
@@ -197,7 +198,7 @@ def _within_dead_band(x: Array, start: int, stop: int, quantum: float) -> int:
     return zeros if x[start] == 0 and others > max(MIN_ROWS, CLIPPED_RATIO * next_values / (2 * NEXT_VALUES)) else 0
 
 
-def is_calm(s: StreamChecks, c: Column, start: int, stop: int, quantum: float) -> bool:
+def _is_calm(s: StreamChecks, c: Column, start: int, stop: int, quantum: float) -> bool:
     """Return whether other channels vary in rows of one value, those of its triad by no more than `CALM_STEPS` steps.
 
     The unit is at rest there, and what scatters elsewhere is its motion: a channel with coarse steps stands still.
@@ -208,11 +209,11 @@ def is_calm(s: StreamChecks, c: Column, start: int, stop: int, quantum: float) -
     return varying and bool(others) and all(float(np.std(x)) <= CALM_STEPS * to_si(quantum, c.unit) for x in others)
 
 
-def refuse_clipped(s: StreamChecks, c: Column, x: Array, first: int) -> str:
+def _refuse_clipped(s: StreamChecks, c: Column, x: Array, first: int) -> str:
     """Refuse rows (n,) of a sensor, from `first` on, of which many read the largest or smallest value."""
     for sign, word in (1, "largest"), (-1, "smallest"):
         rows = at_maximum(sign * x)
-        if len(rows) >= is_many(len(x)):
+        if len(rows) >= _is_many(len(x)):
             return s.place_of(c, first + int(rows[0])) + (
                 f"{x[rows[0]]:.10g} {c.unit} is the {word} value of the channel and stands in {len(rows)} of its "
                 f"{len(x)} rows, so it is clipped; raise the range of the sensor, or leave those rows out"
@@ -243,16 +244,16 @@ def resolution(pieces: Sequence[Array]) -> tuple[float, int]:
     counts: Array = np.zeros(0)
     for x in pieces:
         own, often = np.unique(x, return_counts=True)
-        if len(own) > len(x) / 2 and all_distinct(own, often):
+        if len(own) > len(x) / 2 and _all_distinct(own, often):
             return 0.0, 0  # all of 1e8 need not be compared
         levels, at = np.unique(np.concatenate([levels, own]), return_inverse=True)
         counts = np.bincount(at, weights=np.concatenate([counts, often.astype(float)])).astype(float)
-    if len(levels) < 2 or all_distinct(levels, counts):
+    if len(levels) < 2 or _all_distinct(levels, counts):
         return 0.0, len(levels)
     return float(np.diff(levels).min()), len(levels)
 
 
-def all_distinct(levels: Array, counts: Array) -> bool:
+def _all_distinct(levels: Array, counts: Array) -> bool:
     """Return whether no two readings are alike, but for those that are frozen, or at one of two stops."""
     others = float(counts.sum() - np.sort(counts)[-2:].sum())
     return len(levels) - 2 >= DISTINCT_SHARE * others

@@ -110,12 +110,12 @@ def rates_of_the_table(e: Examined) -> str:
 
     Readings in counts show their axes only.
     """
-    r, turn, scale = e.recording, e.once(turn_by_rig), None if e.recording.counted(RATE) else 1.0
-    if not shows_rates(turn) or turn.misfit(r.platform, scale) < MAX_RESIDUAL:
+    r, turn, scale = e.recording, e.once(_turn_by_rig), None if e.recording.counted(RATE) else 1.0
+    if not _shows_rates(turn) or turn.misfit(r.platform, scale) < MAX_RESIDUAL:
         return ""
 
     def misfit(c: Correction) -> float:
-        corrected = turn_by_rig(c.corrected(r)) if ANGLE in c.matrices else turn.corrected(c)
+        corrected = _turn_by_rig(c.corrected(r)) if ANGLE in c.matrices else turn.corrected(c)
         return corrected.misfit(c.platform or r.platform, scale)
 
     for best in successful_trials(_corrections(r, physical=scale is not None), misfit, sufficient=MAX_RESIDUAL):
@@ -148,15 +148,15 @@ def refuse_unlike_table(recording: Recording) -> None:
 
 def agrees_with_the_table(recording: Recording) -> bool:
     """Return whether the gyroscopes feel the rig turn as stated: their axes, signs and unit are confirmed."""
-    turn = turn_by_rig(recording)
-    return shows_rates(turn) and not recording.counted(RATE) and turn.misfit(recording.platform) < MAX_RESIDUAL
+    turn = _turn_by_rig(recording)
+    return _shows_rates(turn) and not recording.counted(RATE) and turn.misfit(recording.platform) < MAX_RESIDUAL
 
 
-def turn_by_rig(r: Recording) -> DrivenTurn:
+def _turn_by_rig(r: Recording) -> DrivenTurn:
     return driven_turn(r.time, r.triad(RATE), r.angles(), r.platform.axis_names)
 
 
-def shows_rates(turn: DrivenTurn) -> bool:
+def _shows_rates(turn: DrivenTurn) -> bool:
     return float(np.std(turn.rate, axis=0).max(initial=0.0)) >= MIN_RATE_CHANGE
 
 

@@ -70,7 +70,7 @@ class Dropouts:
     @property
     def missing(self) -> NDArray[np.int64]:
         """Return rows of the file that are left out."""
-        return joined_arrays(self.left_out)
+        return _joined_arrays(self.left_out)
 
     @property
     def kept(self) -> NDArray[np.int64]:
@@ -80,13 +80,13 @@ class Dropouts:
     def remarks(self) -> tuple[str, ...]:
         """Return how many rows are left out or filled in, where they are and why; nothing where none are."""
         spiked, spike = (
-            joined_arrays(self.left_out_spikes),
-            f"where {columns_with_counts(self.spikes)} leaps away for a row or two and back",
+            _joined_arrays(self.left_out_spikes),
+            f"where {_columns_with_counts(self.spikes)} leaps away for a row or two and back",
         )
         groups = (
-            (np.setdiff1d(self.missing, spiked), f"left out, empty in {columns_with_counts(self.empty_values)}"),
+            (np.setdiff1d(self.missing, spiked), f"left out, empty in {_columns_with_counts(self.empty_values)}"),
             (spiked, f"left out, {spike}"),
-            (joined_arrays(self.filled_in), f"taken from neighbours, {spike}"),
+            (_joined_arrays(self.filled_in), f"taken from neighbours, {spike}"),
         )
         return tuple(self._remark(rows, why) for rows, why in groups if len(rows))
 
@@ -213,11 +213,11 @@ class Dropouts:
         return row + int(np.searchsorted(missing - np.arange(len(missing)), row, side="right"))
 
 
-def joined_arrays(parts: list[Array]) -> NDArray[np.int64]:
+def _joined_arrays(parts: list[Array]) -> NDArray[np.int64]:
     return np.concatenate(parts).astype(np.int64) if parts else np.zeros(0, dtype=np.int64)
 
 
-def columns_with_counts(counts: Mapping[str, int]) -> str:
+def _columns_with_counts(counts: Mapping[str, int]) -> str:
     """Return the columns that have any, with their counts where there are several."""
     some = {name: n for name, n in counts.items() if n}
     words = [f"{name} ({n})" if len(some) > 1 else name for name, n in list(some.items())[:MAX_COLUMNS]]

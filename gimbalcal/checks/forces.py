@@ -97,12 +97,12 @@ def unit_of_some(e: Examined) -> str:
 
 def unit_of_all(e: Examined) -> str:
     """Refuse a force whose norm at rest is not gravity within the errors of sensors."""
-    return compare_magnitude(e.rests, e.force, 0.0)
+    return _compare_magnitude(e.rests, e.force, 0.0)
 
 
 def unit_of_every_row(e: Examined) -> str:
     """Refuse the force of a unit turned in its place whose norm is not gravity, in most rows."""
-    return compare_magnitude(e.recording, e.some_force, e.step)
+    return _compare_magnitude(e.recording, e.some_force, e.step)
 
 
 def other_range(ratio: float) -> float:
@@ -112,7 +112,7 @@ def other_range(ratio: float) -> float:
     return power if within and power != 1 else 0.0
 
 
-def compare_magnitude(recording: Recording, force: Array, step: float) -> str:
+def _compare_magnitude(recording: Recording, force: Array, step: float) -> str:
     """Compare the norm of forces (n, 3) with gravity; step [s] is that of rows that may be increments over it."""
     ratio = float(np.median(np.linalg.norm(force, axis=1))) / recording.site.gravity
     if 0.5 <= ratio <= 1.5:

@@ -80,7 +80,7 @@ def regular_clock(time: Array, row: Array, stated: bool = False) -> Array | None
     for start, stop in pairwise(edges):
         if stop - start >= (3 if stated else MIN_ROWS):
             k, t = row[start:stop] - row[start], time[start:stop] - time[start]
-            k = k if stated else k + lost_rows(t, k)
+            k = k if stated else k + _lost_rows(t, k)
             out[start:stop] = time[start] + np.polyval(np.polyfit(k, t, 1), k)
             deviations.append(np.abs(out[start:stop] - time[start:stop]) / step)
     irregular = not stated and bool(deviations) and np.quantile(np.concatenate(deviations), 0.99) > MAX_DEVIATION_STEPS
@@ -89,7 +89,7 @@ def regular_clock(time: Array, row: Array, stated: bool = False) -> Array | None
     return out
 
 
-def lost_rows(t: Array, k: Array) -> Array:
+def _lost_rows(t: Array, k: Array) -> Array:
     """Return the rows (n,) that were lost before each: where stamps are late by whole steps, and stay late."""
     far = min(2 * ROWS_ASIDE, len(t) - 1)
     step = float(np.median((t[far:] - t[:-far]) / (k[far:] - k[:-far])))

@@ -146,7 +146,7 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
         level = np.array([y[d.rows].mean(0) for d in visits])
         spans = [slice(visits[k].stop - 1, visits[k + 1].start + 1) for k in order]
         averaged = [
-            mean_rates(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2)
+            _mean_rates(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2)
             for k, s in zip(order, spans, strict=True)
         ]
         after = [k + 1 for k in order]
@@ -177,7 +177,7 @@ def _attitude(recording: Recording) -> Array | None:
     return np.asarray(recording.platform.attitude(np.array([angles[d.start] for d in dwells(recording)])))
 
 
-def mean_rates(time: Array, y: Array) -> tuple[Array, Array]:
+def _mean_rates(time: Array, y: Array) -> tuple[Array, Array]:
     """Return mean rate (n, 3) and step (n,) from row to row, or over several rows of a very long turn."""
     dt, mean = np.diff(time), (y[1:] + y[:-1]) / 2
     size = -(-len(dt) // MAX_STEPS)

@@ -61,7 +61,7 @@ def turns_explained(recording: Recording, turns: MeasuredTurns | None) -> tuple[
     return (
         None
         if turns is None
-        else (max(map(turns.agreeing, stated_or_guessed_scales(recording, turns))), len(turns.reading))
+        else (max(map(turns.agreeing, _stated_or_guessed_scales(recording, turns))), len(turns.reading))
     )
 
 
@@ -70,7 +70,7 @@ def turns_between_rests(e: Examined) -> str:
     turns = e.once(turns_of)
     if turns is None:
         return ""
-    n, scales = len(turns.reading), stated_or_guessed_scales(e.recording, turns)
+    n, scales = len(turns.reading), _stated_or_guessed_scales(e.recording, turns)
     stated = max(map(turns.agreeing, scales))
     if stated >= MIN_AGREEMENT * n:
         return ""
@@ -85,7 +85,7 @@ def turns_between_rests(e: Examined) -> str:
 
     def misfit(each: tuple[Correction, int]) -> float:
         unit, k = each
-        return n - (float(turns.agreeing_permuted(correction_size(unit))[k]) if k else turns.agreeing(unit))
+        return n - (float(turns.agreeing_permuted(_correction_size(unit))[k]) if k else turns.agreeing(unit))
 
     for k, stage in enumerate(stages):  # one error before two
         for best in successful_trials(stage(), misfit):
@@ -159,9 +159,9 @@ def earth_at_rest(e: Examined) -> str:
     by_turns = e.once(turns_of) is not None  # turns confirm the gyroscopes with the accelerometers, but for all signs
     units = [AS_STATED, *(c for c in _units(r) if c.clock == 1 and not by_turns)]
     composed = [(u, p) for u in units for p in PERMUTATIONS if not by_turns or p == REVERSED]
-    (best,) = successful_trials(composed, lambda each: earth.residual(composed_correction(*each)))
+    (best,) = successful_trials(composed, lambda each: earth.residual(_composed_correction(*each)))
     unit, p = best.candidate
-    correction = composed_correction(unit, p)
+    correction = _composed_correction(unit, p)
     if not earth.agrees(correction):
         return ""
     named = [] if by_turns else [(p, RATE)]
@@ -199,14 +199,14 @@ def _units(recording: Recording) -> list[Correction]:
         *in_other_units(RATE, TRIAD, [stated], 'the rates are in {unit} (write unit = "{unit}")'),
         *(Correction(f"the time is in {u}", clock=f) for f, u in CLOCK_UNITS.items()),
     ]
-    return [c for c in corrections if abs(correction_size(c) - 1) > 1e-6]
+    return [c for c in corrections if abs(_correction_size(c) - 1) > 1e-6]
 
 
-def correction_size(correction: Correction) -> float:
+def _correction_size(correction: Correction) -> float:
     return correction.clock * correction.factor(RATE)
 
 
-def stated_or_guessed_scales(recording: Recording, turns: MeasuredTurns) -> list[Correction]:
+def _stated_or_guessed_scales(recording: Recording, turns: MeasuredTurns) -> list[Correction]:
     """Return the rates as stated; of counts, guesses of the rad/s of a count."""
     if not recording.counted(RATE):
         return [AS_STATED]
@@ -214,9 +214,9 @@ def stated_or_guessed_scales(recording: Recording, turns: MeasuredTurns) -> list
     return [scale_correction(RATE, TRIAD, float(g), "") for g in MEDIAN_TURNS_RAD / np.median(turned)]
 
 
-def composed_correction(unit: Correction, permutation: AxisPermutation) -> Correction:
+def _composed_correction(unit: Correction, permutation: AxisPermutation) -> Correction:
     """Return a permutation of the gyroscopes in another unit."""
-    return replace(unit, matrices={RATE: (TRIAD, correction_size(unit) / unit.clock * permutation.matrix)})
+    return replace(unit, matrices={RATE: (TRIAD, _correction_size(unit) / unit.clock * permutation.matrix)})
 
 
 def _permuted_in_words(unit: Correction, number: int, ambiguous: bool) -> str:
@@ -231,7 +231,7 @@ def _permuted_in_words(unit: Correction, number: int, ambiguous: bool) -> str:
 
 def _in_some(unit: Correction, axes: Sequence[str]) -> Correction:
     """Return another unit of some of the gyroscopes."""
-    return scale_correction(RATE, axes, correction_size(unit), f"{unit.words} in {' and '.join(axes)} alone")
+    return scale_correction(RATE, axes, _correction_size(unit), f"{unit.words} in {' and '.join(axes)} alone")
 
 
 def _in_words(named: Sequence[tuple[AxisPermutation, str]], unit: str, handed: str = "") -> str:

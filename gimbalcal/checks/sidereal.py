@@ -35,7 +35,7 @@ def rate_of_the_platform_gimbal(e: Examined) -> str:
     time, angle = e.recording.time, e.recording.channels[PLATFORM]
     dt = np.diff(time)
     short = EARTH_RATE * dt < 1.0
-    rate = float(np.median((wrapped_angle(np.diff(angle)) / dt)[short])) if short.any() else EARTH_RATE
+    rate = float(np.median((_wrapped_angle(np.diff(angle)) / dt)[short])) if short.any() else EARTH_RATE
     off = abs(rate / EARTH_RATE - 1)
     if off < MAX_GIMBAL_RATE_ERROR or off * EARTH_RATE * np.ptp(time) < CLOCK_JUMP_RAD:
         return ""
@@ -49,17 +49,17 @@ def jumps_of_the_clock(e: Examined) -> str:
     """Refuse a single readout far off its neighbours, or a clock that jumps."""
     time, angle = e.recording.time, e.recording.channels[PLATFORM]
     dt = np.diff(time)
-    lag = wrapped_angle(np.diff(angle) - EARTH_RATE * dt)
+    lag = _wrapped_angle(np.diff(angle) - EARTH_RATE * dt)
     k = int(np.argmax(np.abs(lag)))
     if abs(lag[k]) <= CLOCK_JUMP_RAD:
         return ""
-    returns = np.flatnonzero(np.abs(wrapped_angle(lag[1:] + lag[:-1])) < np.abs(lag[1:]) / 10) + 1
+    returns = np.flatnonzero(np.abs(_wrapped_angle(lag[1:] + lag[:-1])) < np.abs(lag[1:]) / 10) + 1
     if row := next((int(i) for i in returns if i in (k, k + 1)), 0):
         return (
             f"at {time[row]:.10g} s alone the platform gimbal reads "
             f"{np.degrees(abs(lag[k])):.4g} deg off its neighbours; leave this row out"
         )
-    turned, due = np.degrees([wrapped_angle(angle[k + 1] - angle[k]), EARTH_RATE * dt[k]])
+    turned, due = np.degrees([_wrapped_angle(angle[k + 1] - angle[k]), EARTH_RATE * dt[k]])
     return (
         f"between {time[k]:.10g} s and {time[k + 1]:.10g} s the clock goes on by "
         f"{dt[k]:.6g} s while the platform gimbal turns by {turned:.4g} deg instead of {due:.4g} deg, so "
@@ -87,7 +87,7 @@ def axes_against_the_earth(e: Examined) -> str:
     .. math:: f / |f| = (\cos L \cos S_t, \; \cos L \sin S_t, \; \sin L), \qquad \dot S_t = \Omega
     """
     latitude, time = e.rests.site.latitude, e.rests.time
-    if latitude is None or not refuse_inertial(e.rests):
+    if latitude is None or not _refuse_inertial(e.rests):
         return ""
     if EARTH_RATE * np.ptp(time) < MIN_TURN_RAD or np.cos(latitude) < np.sin(MIN_TURN_RAD):
         return ""
@@ -114,7 +114,7 @@ def axes_against_the_earth(e: Examined) -> str:
 def latitude_of_the_site(e: Examined) -> str:
     """Refuse a latitude that is not the height at which the force circles the Earth's axis."""
     stated, measured = e.rests.site.latitude, latitude_of(e.force)
-    if stated is None or not refuse_inertial(e.rests) or abs(measured - stated) <= MAX_LATITUDE_ERROR_RAD:
+    if stated is None or not _refuse_inertial(e.rests) or abs(measured - stated) <= MAX_LATITUDE_ERROR_RAD:
         return ""
     return (
         f"the force lies at {np.degrees(measured):.3g} deg to the Earth's axis, which is the latitude "
@@ -130,15 +130,15 @@ def latitude_of(force: Array) -> float:
 def measured_latitude(recording: Recording) -> float | None:
     """Return the latitude [rad] of an inertially stable platform by its forces; None where these do not show it."""
     complete = all((FORCE, a) in recording.channels for a in "xyz")
-    return latitude_of(recording.triad(FORCE)) if refuse_inertial(recording) and complete else None
+    return latitude_of(recording.triad(FORCE)) if _refuse_inertial(recording) and complete else None
 
 
-def refuse_inertial(recording: Recording) -> bool:
+def _refuse_inertial(recording: Recording) -> bool:
     stated = recording.site.latitude is not None
     return recording.kind.stabilised and stated and recording.platform == SPACE_STABLE_INERTIAL
 
 
-def wrapped_angle(angle: Array) -> Array:
+def _wrapped_angle(angle: Array) -> Array:
     return np.asarray(angle - 2 * np.pi * np.round(angle / (2 * np.pi)))
 
 

@@ -52,7 +52,7 @@ class Sky:
         off = star - read
         zero = np.angle(np.median(np.cos(off), axis=0) + 1j * np.median(np.sin(off), axis=0))
         looked, there = (self._direction(angle) for angle in (read + zero, star))
-        return angle_between(looked, there), angle_between(there, np.roll(there, 1, axis=0))
+        return _angle_between(looked, there), _angle_between(there, np.roll(there, 1, axis=0))
 
     def _direction(self, angle: Array) -> Array:
         """Return where the innermost axis' x looks (n, 3), in axes of the base."""
@@ -61,7 +61,7 @@ class Sky:
         return np.asarray(platform.attitude(angles)[..., 0, :])
 
 
-def angle_between(a: Array, b: Array) -> float:
+def _angle_between(a: Array, b: Array) -> float:
     return float(np.median(2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=-1) / 2, 0, 1))))
 
 

@@ -317,7 +317,7 @@ def batch(
     """
     from gimbalcal.fleet import run_batch
     from gimbalcal.report.fleet_page import fleet_report
-    from gimbalcal.report.html import with_question
+    from gimbalcal.report.html import page_with_question
     from gimbalcal.words.naming import as_sentences
 
     named = Path(patterns[0]).parent if "*" in patterns[0] else patterns[0]
@@ -327,7 +327,7 @@ def batch(
         summary = run_batch(
             patterns, store, target.folder if target else None, workers=workers, scheduler=scheduler,
             method=method or "", more=more, grade=grade, seed=seed, unit_name=unit_name, progress=output.progress,
-            page=lambda result, known: with_question(fleet_report(result, known), question),
+            page=lambda result, known: page_with_question(fleet_report(result, known), question),
         )  # fmt: skip
     except KeyboardInterrupt:
         output.progress(f"finished recordings are kept in {store}; the same command continues from there")

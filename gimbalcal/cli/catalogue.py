@@ -37,11 +37,11 @@ def catalogue(words: tuple[str, ...], file: Path | None) -> None:
     if file is not None:
         if words:
             raise InputError(f"--check takes the effects of {file} alone; leave out {effect!r}")
-        check_file(file)
+        _check_file(file)
     elif not words:
-        list_effects(sorted(CATALOGUE))
+        _list_effects(sorted(CATALOGUE))
     elif effect in CATALOGUE:
-        say(plain_card(inspect.getdoc(CATALOGUE[effect]) or ""))
+        say(_plain_card(inspect.getdoc(CATALOGUE[effect]) or ""))
         say("")
         for f in dataclasses.fields(CATALOGUE[effect]):
             m = f.metadata
@@ -61,10 +61,10 @@ def catalogue(words: tuple[str, ...], file: Path | None) -> None:
             say(f"  {f.name}{unit}: usually {start}, from {low} to {high}; {m['grid'].value.partition(':')[0]}")
         say(f"  in recordings of kind {', '.join(CATALOGUE[effect].kinds)}")
     else:
-        list_effects(matching_effects(effect))
+        _list_effects(matching_effects(effect))
 
 
-def check_file(file: Path) -> None:
+def _check_file(file: Path) -> None:
     """Print what each effect of a file adds and fits. Raises InputError for the first that breaks the contract."""
     from gimbalcal.effects import CATALOGUE, load_effects, parameters
     from gimbalcal.effects.effect import constants
@@ -76,7 +76,7 @@ def check_file(file: Path) -> None:
         say(f"{i} keeps the contract: at stage {cls.stage.name} in {', '.join(cls.kinds)}; parameters {fitted}")
 
 
-def plain_card(text: str) -> str:
+def _plain_card(text: str) -> str:
     """Return a card as plain text, with formulas in letters."""
     import re
 
@@ -92,7 +92,7 @@ def plain_card(text: str) -> str:
     return typeset(re.sub(r":math:`([^`]*)`", lambda m: plain_formula(m[1]), text).replace("``", "`"))
 
 
-def list_effects(names: list[str]) -> None:
+def _list_effects(names: list[str]) -> None:
     """Print a line for each effect: name and first sentence of its card."""
     import inspect
 

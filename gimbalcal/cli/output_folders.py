@@ -70,7 +70,7 @@ class Output:
         None where nothing is written: the result goes to stdout as JSON, or the current folder cannot be written.
         Raises InputError where --out holds the answer to another question and --overwrite is not given.
         """
-        question = question_digest()
+        question = _question_digest()
         if self.out is not None:
             if read := _effects_files() & {(self.out / name).resolve() for name in files}:
                 raise InputError(f"{read.pop()} is read and would be written over; give another --out")
@@ -146,7 +146,7 @@ def output_options(
             click.option(
                 "--quiet", is_flag=True, help="Print no progress on stderr; the result on stdout is the same."
             ),
-            click.option("--out", type=FilePath(), callback=refuse_unwritable, default=None, help=described),
+            click.option("--out", type=FilePath(), callback=_refuse_unwritable, default=None, help=described),
         ]
         if replaces:
             differ = "Replace files in --out that differ from what is written."
@@ -156,7 +156,7 @@ def output_options(
     return decorate
 
 
-def refuse_unwritable(_context: click.Context, _option: click.Parameter, out: Path | None) -> Path | None:
+def _refuse_unwritable(_context: click.Context, _option: click.Parameter, out: Path | None) -> Path | None:
     """Return --out. Raises InputError before anything is computed where it cannot be a folder."""
     if out is None:
         return None
@@ -173,7 +173,7 @@ def sensor_folders(each: Sequence[Sequence[Recording]]) -> list[str]:
     return [loaded[0].sensor if k else "" for k, loaded in enumerate(each)]
 
 
-def question_digest() -> str:
+def _question_digest() -> str:
     """Return an identifier of the question: the command and a digest of all options with an effect on the result."""
     context = click.get_current_context()
     parameters = {k: _plain(v) for k, v in sorted(context.params.items()) if k not in WITHOUT_EFFECT}

@@ -155,7 +155,7 @@ def design(
     """Choose the positions, or the sequence of turns, that show most within the limits of a rig."""
     from gimbalcal.atomic import write
     from gimbalcal.report.console import groups_table
-    from gimbalcal.report.html import with_question
+    from gimbalcal.report.html import page_with_question
     from gimbalcal.report.plan_page import design_headline, design_report
     from gimbalcal.words.tables import bounds_table
 
@@ -169,7 +169,7 @@ def design(
         from gimbalcal.design.turning_design import design_turning, table_of
         from gimbalcal.schedule.file import rotation_toml
 
-        refuse_other_criteria(criterion, ("max", "sum"), kind)
+        _refuse_other_criteria(criterion, ("max", "sum"), kind)
         output.progress(f"looking at {number_of(tries, 'sequence')} of turns")
         turns = design_turning(
             table_of(step, limit, rate, ramp, total), latitude, states, against, criterion or "max",
@@ -181,7 +181,7 @@ def design(
         from gimbalcal.design.rig_positions import rig_of
         from gimbalcal.schedule.file import schedule_toml
 
-        refuse_other_criteria(criterion, ("D", "A", "position"), kind)
+        _refuse_other_criteria(criterion, ("D", "A", "position"), kind)
         rig = rig_of(platform, step, angle_sigma, force_sigma)
         if learn:
             from gimbalcal.design.learning import design_learning
@@ -196,13 +196,13 @@ def design(
     if target is not None:
         with output.staged(target.folder) as new:
             write(new / "schedule.toml", text)
-            write(new / "report.html", with_question(design_report(plan), target.question))
+            write(new / "report.html", page_with_question(design_report(plan), target.question))
         output.wrote(target.folder, "schedule.toml")
     output.table(table)
     output.show(plan.to_dict(), design_headline(plan), target)
 
 
-def refuse_other_criteria(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
+def _refuse_other_criteria(criterion: str | None, known: tuple[str, ...], kind: str) -> None:
     if criterion is not None and criterion not in known:
         raise InputError(f"--criterion {criterion} is not for --kind {kind}; write {' or '.join(known)}")
 
@@ -310,7 +310,7 @@ def campaign(
     """
     from gimbalcal.campaign import run_campaign
     from gimbalcal.report.campaign_page import campaign_report
-    from gimbalcal.report.html import with_question
+    from gimbalcal.report.html import page_with_question
     from gimbalcal.words.answers import campaign_answer
 
     files = ("campaign.json", "campaign.parquet", "report.html")
@@ -321,7 +321,7 @@ def campaign(
     try:
         summary = run_campaign(
             scenario, runs, target.folder, workers, scheduler, output.progress, method, seed,
-            lambda result: with_question(campaign_report(result), target.question), output.overwrite,
+            lambda result: page_with_question(campaign_report(result), target.question), output.overwrite,
         )  # fmt: skip
     except KeyboardInterrupt:
         output.progress(f"finished runs are kept in {target.folder}; the same command continues from there")

@@ -78,7 +78,7 @@ def design_learning(
         T = np.sin(2 * np.pi * cycles * (np.arange(count) + 0.5) / count) if warm else np.zeros(count)
         rows, _, confounders = _rows(rig, settings, T, learn, wanted)
         chosen = optimise(rows, count, "D", ~confounders, seed, STARTS)
-        plans[cycles] = settings[chosen], law_share(rig, settings[chosen], T, learn, wanted)
+        plans[cycles] = settings[chosen], _law_share(rig, settings[chosen], T, learn, wanted)
     best = max(share for _, share in plans.values())
     cycles = next(k for k, (_, share) in plans.items() if share >= MIN_RELATIVE_SHARE * best)
     angles, share = plans[cycles]
@@ -87,7 +87,7 @@ def design_learning(
     holds = tuple(Hold(tuple(map(float, a)), hours * HOUR / count) for a in angles)
     schedule = Schedule(f"learn-{'-'.join(learn)}-{count}", rig.platform, holds)
     usual = {
-        s.name: law_share(replace(rig, platform=s.platform), s.angles, np.linspace(-1, 1, len(s.holds)), learn, wanted)
+        s.name: _law_share(replace(rig, platform=s.platform), s.angles, np.linspace(-1, 1, len(s.holds)), learn, wanted)
         for s in published(rig)
         if s.platform == rig.platform or not set(learn) & set(rig.platform.axis_names)
     }
@@ -96,7 +96,9 @@ def design_learning(
     return replace(plan, law=LawPlan(tuple(learn), share, usual, hours, *sine))
 
 
-def law_share(rig: PositioningRig, angles: Array, T: Array, learn: Sequence[str], wanted: Sequence[Parameter]) -> float:
+def _law_share(
+    rig: PositioningRig, angles: Array, T: Array, learn: Sequence[str], wanted: Sequence[Parameter]
+) -> float:
     """Return the share of a law that no confounder imitates in positions of these angles (n, k), in order."""
     rows, law, confounders = _rows(rig, angles, T, learn, wanted)
     own = rows[np.arange(len(angles)), np.arange(len(angles))]

@@ -24,7 +24,7 @@ def available_manoeuvres(recording: Recording) -> tuple[Manoeuvre, ...]:
     """Manoeuvres for this kind of recording."""
     hours = float(recording.time[-1] - recording.time[0]) / 3600.0
     if recording.kind.stabilised:
-        return (Manoeuvre("let the run go on as long again", hours, twice_as_long),)
+        return (Manoeuvre("let the run go on as long again", hours, _twice_as_long),)
     out = [
         Manoeuvre("repeat the positions in reversed order", hours, lambda r: second_pass(r, reverse=True)),
         Manoeuvre("wait 6 h and repeat the positions", hours + 6, lambda r: second_pass(r, pause=6 * 3600.0)),
@@ -59,7 +59,7 @@ def second_pass(
     return replace(r, time=time, position=position, channels=channels, weight=np.concatenate([r.weight, r.weight]))
 
 
-def twice_as_long(r: Recording) -> Recording:
+def _twice_as_long(r: Recording) -> Recording:
     """A static run of twice the length; readouts go on as the Earth turns."""
     twice, platform = second_pass(r, pause=0.0), ("gimbal_angle", "platform")
     if platform not in r.channels:

@@ -191,7 +191,7 @@ def next_step(
     target = None if reach is None else bench.sigmas_of(reach)
     candidates = bench.candidates(dwelling[-1].time[-1], step)
     if at_rest:
-        candidates = join_candidates(candidates, bench.longer_runs(at_rest[-1]))
+        candidates = _join_candidates(candidates, bench.longer_runs(at_rest[-1]))
     return plan_of(bench.wanted, np.linalg.inv(F), candidates, interest, target, tuple(separate), most)
 
 
@@ -256,7 +256,7 @@ def _squared(rows: Array) -> Array:
     return np.asarray(A.T @ A)
 
 
-def join_candidates(one: Candidates, other: Candidates) -> Candidates:
+def _join_candidates(one: Candidates, other: Candidates) -> Candidates:
     """Return the candidates of both, rows filled up with zeros."""
     k = max(one.rows.shape[1], other.rows.shape[1])
     rows = [np.pad(c.rows, ((0, 0), (0, k - c.rows.shape[1]), (0, 0))) for c in (one, other)]
@@ -403,7 +403,7 @@ class _Bench:
             each = Candidates(
                 tuple(w + extra for w in words), turning + waiting + self.seconds * duration, rows, angles, towards
             )
-            out = each if out is None else join_candidates(out, each)
+            out = each if out is None else _join_candidates(out, each)
         assert out is not None
         return out
 

@@ -69,14 +69,14 @@ def next_turn(
         scale = [p.sigma for p in m.wanted]
         R = data_information(wanted, m.last.factor, np.zeros(len(wanted)), scale).rows[:, :-1]
         F += R.T @ R
-    experiment, sessions = experiment_at_the_place(fits[-1], wanted), _sessions(fits[-1])
+    experiment, sessions = _experiment_at_the_place(fits[-1], wanted), _sessions(fits[-1])
     target = None if reach is None else experiment.sigma(reach) * np.array([p.sigma for p in wanted])
     interest = np.array([not separate or is_of_effects(p, separate) for p in wanted])
     candidates = _candidates(experiment, sessions)
     return plan_of(wanted, np.linalg.inv(F), candidates, interest, target, tuple(separate), most)
 
 
-def experiment_at_the_place(m: SystematicFit, wanted: tuple[Parameter, ...]) -> TurningExperiment:
+def _experiment_at_the_place(m: SystematicFit, wanted: tuple[Parameter, ...]) -> TurningExperiment:
     """Return the experiment at the place and with the noise of a recording."""
     segments = m.segments
     site, step = segments.rows.site, float(np.median(segments.dt / segments.rows.weight))
@@ -101,13 +101,13 @@ def _sessions(m: SystematicFit) -> list[Session]:
     usual = float(np.median(rate[rate > rate.max() / 2])) if rate.size else np.radians(10.0)
     out = []
     for (down, sign), level in product(product("xyz", (1, -1)), HORIZONTAL):
-        attitude, words = attitude_of_vertical_axis(down, sign, level)
+        attitude, words = _attitude_of_vertical_axis(down, sign, level)
         for axis, angle in product("xyz", TURNS_DEG):
             out.append((words, axis, angle, _motion(attitude, axis, angle, usual, stop)))
     return out
 
 
-def attitude_of_vertical_axis(down: str, sign: int, level: str) -> tuple[Array, str]:
+def _attitude_of_vertical_axis(down: str, sign: int, level: str) -> tuple[Array, str]:
     """Return C_bn (3, 3) with an axis of the unit down (sign 1) or up, and the next one in a level direction."""
     names = "xyz"
     i = names.index(down)

@@ -323,15 +323,15 @@ def optimise(
     ordered = rows.ndim == 4
     slots = rows if ordered else np.broadcast_to(rows, (count, *rows.shape))
     starts = [
-        greedy_choice(slots, criterion, interest),
+        _greedy_choice(slots, criterion, interest),
         *(rng.integers(0, slots.shape[1], count) for _ in range(number_of_starts - 1)),
     ]
-    improved = [exchange_choice(slots, chosen, criterion, interest) for chosen in starts]
-    best = max(improved, key=lambda chosen: criterion_value(chosen_rows(slots, chosen), criterion, interest))
+    improved = [_exchange_choice(slots, chosen, criterion, interest) for chosen in starts]
+    best = max(improved, key=lambda chosen: criterion_value(_chosen_rows(slots, chosen), criterion, interest))
     return best if ordered else np.sort(best)
 
 
-def chosen_rows(slots: Array, chosen: Array) -> Array:
+def _chosen_rows(slots: Array, chosen: Array) -> Array:
     """Return the rows (count, 3, p) of the candidate that is chosen in each slot (count, c, 3, p)."""
     return np.asarray(slots[np.arange(len(slots)), chosen])
 
@@ -364,7 +364,7 @@ def criterion_gains(rows: Array, F: Array, criterion: str, interest: Array) -> A
     return full - np.linalg.slogdet(np.eye(rows.shape[1]) + other @ Pn @ np.swapaxes(other, -1, -2))[1]
 
 
-def greedy_choice(slots: Array, criterion: str, interest: Array) -> Array:
+def _greedy_choice(slots: Array, criterion: str, interest: Array) -> Array:
     F, chosen = np.eye(slots.shape[-1]), []
     for rows in slots:
         best = int(np.argmax(criterion_gains(rows, F, criterion, interest)))
@@ -373,9 +373,9 @@ def greedy_choice(slots: Array, criterion: str, interest: Array) -> Array:
     return np.array(chosen)
 
 
-def exchange_choice(slots: Array, chosen: Array, criterion: str, interest: Array) -> Array:
+def _exchange_choice(slots: Array, chosen: Array, criterion: str, interest: Array) -> Array:
     chosen = np.array(chosen)
-    own = chosen_rows(slots, chosen)
+    own = _chosen_rows(slots, chosen)
     F = np.eye(slots.shape[-1]) + np.einsum("cip,ciq->pq", own, own)
     for _ in range(MAX_ROUNDS):
         exchanged = False

@@ -83,7 +83,7 @@ def _by_positions(plans: Plans, more: Sequence[str], hours: float) -> PlannedCal
     scenarios = [s for _, s in plans]
     site = _first_site(scenarios)
     # effects that no scenario shows stay at their prior
-    total = total_information(extra, [_of_scenario(s, site, extra) for s in scenarios])
+    total = _total_information(extra, [_of_scenario(s, site, extra) for s in scenarios])
     runs = [s for s in scenarios if s.recording_kind.stabilised]
     at_rest = _at_rest((*runs, *scenarios)[0], EXTRA_RUN_S, site, extra)
     what = f"{'another' if runs else 'a run of'} 24 h at rest"
@@ -156,7 +156,7 @@ def _with_gravity(latitude: float, height: float, gravity: float | None) -> Site
     return Site(latitude, height, float(normal_gravity(latitude, height)) if gravity is None else gravity)
 
 
-def total_information(wanted: Sequence[Parameter], each: Sequence[Information]) -> Information:
+def _total_information(wanted: Sequence[Parameter], each: Sequence[Information]) -> Information:
     """Return the information of all planned recordings about the wanted parameters."""
     return sum(each, start=Information(tuple(wanted), np.zeros((1, len(wanted) + 1)), 0))
 
@@ -197,25 +197,25 @@ def _by_turns(plans: Plans, state_list: str, more: Sequence[str], hours: float) 
         )
     if len(at_rest) > 1:
         raise InputError(f"{plans[-1][0]}: a budget navigates one unit at rest, got {len(at_rest)}; keep one of them")
-    place = rotation_without_rows(turning[0][1])
+    place = _rotation_without_rows(turning[0][1])
     for name in more:  # refuses what no turns show by the option that names it
         states(name, place.why_not_shown, option="--with")
     wanted = states(",".join((*LISTS.get(state_list.strip(), (state_list,)), *more)), place.why_not_shown)
     sessions = [
         _Session(
-            turning_schedule(s.schedule), TurningExperiment(rotation_without_rows(s), wanted, white_noise(name, s))
+            turning_schedule(s.schedule), TurningExperiment(_rotation_without_rows(s), wanted, _white_noise(name, s))
         )
         for name, s in turning
     ]
     each = [s.information for s in sessions]
-    total = total_information(wanted, each)
+    total = _total_information(wanted, each)
     manoeuvres: list[PlannedManoeuvre] = []
     for k, own in enumerate(sessions):
         manoeuvres.append(PlannedManoeuvre(f"the turns of {own.turns.name} once more", own.hours, total + each[k]))
         moves = tuple(replace(m, stop=None if m.stop is None else 2 * m.stop) for m in own.turns.moves)
         slow = replace(own, turns=replace(own.turns, moves=moves, stop=2 * own.turns.stop))
         slower = f"stops of {slow.turns.stop:g} s in place of {own.turns.stop:g} s in {own.turns.name}"
-        others = total_information(wanted, [t for i, t in enumerate(each) if i != k])
+        others = _total_information(wanted, [t for i, t in enumerate(each) if i != k])
         manoeuvres.append(PlannedManoeuvre(slower, slow.hours - own.hours, others + slow.information))
     for name in sorted(set(ROTATIONS) - {own.turns.name for own in sessions}):
         other = replace(sessions[0], turns=ROTATIONS[name])
@@ -228,11 +228,11 @@ def _by_turns(plans: Plans, state_list: str, more: Sequence[str], hours: float) 
     return PlannedCalibration(total, tuple(manoeuvres), unit)
 
 
-def rotation_without_rows(s: Scenario) -> Recording:
+def _rotation_without_rows(s: Scenario) -> Recording:
     return rotation_at_place(required_latitude(s.site.latitude), s.site.height)
 
 
-def white_noise(name: str, s: Scenario) -> TurningNoise:
+def _white_noise(name: str, s: Scenario) -> TurningNoise:
     """Return the white noise of a scenario. Raises InputError where it is not stated, and for coloured noise."""
     n, rate = s.noise, s.schedule.rate
     force = float(np.hypot(n.accelerometer_density, n.accelerometer / np.sqrt(rate)))

@@ -298,7 +298,7 @@ def design_turning(
         for name in against
     }
     reference = (
-        np.min([largest_of_groups(search, s) for s in others.values()], axis=0)
+        np.min([_largest_of_groups(search, s) for s in others.values()], axis=0)
         if others
         else np.ones(len(search.groups))
     )
@@ -308,7 +308,7 @@ def design_turning(
         raise InputError(f"--total {table.total:g} s is too short for a schedule of turns at this rate; give it more")
     tour, _ = anneal(search, first, reference, criterion, tries, seed, progress)
     schedule = search.schedule(tour)
-    sigma, groups = largest_of_groups(search, search.experiment.sigma(schedule)), []
+    sigma, groups = _largest_of_groups(search, search.experiment.sigma(schedule)), []
     for (name, members), mine, ref in zip(search.groups.items(), sigma, reference, strict=True):
         p = search.experiment.wanted[members[0]]
         unit = float(from_si(p.sigma, p.unit))
@@ -317,7 +317,7 @@ def design_turning(
     return TurnsDesign(schedule, trajectory(schedule).duration, tuple(groups), tuple(others))
 
 
-def largest_of_groups(search: TurningSearch, sigma: Array) -> Array:
+def _largest_of_groups(search: TurningSearch, sigma: Array) -> Array:
     return np.array([sigma[i].max() for i in search.groups.values()])
 
 

@@ -204,7 +204,7 @@ def observe_turning(
     info = information(rows / prior, np.zeros(len(rows)), wanted)
     keep = np.unique(np.linspace(0, len(model.time) - 1, min(MAX_CURVE_POINTS, len(model.time))).round().astype(int))
     with np.errstate(invalid="ignore", over="ignore"):
-        sigma, navigation = sigmas_over_time(innovations, keep)
+        sigma, navigation = _sigmas_over_time(innovations, keep)
     if not (np.isfinite(sigma).all() and np.isfinite(navigation).all()):
         raise InputError(
             "these noises are too large, too small or too different to be computed with: "
@@ -218,12 +218,12 @@ def observe_turning(
     )
     assessed, weak = (
         assess_information(turns.name, info, wanted, noise),
-        weakest_directions(info.rows[:, : len(wanted)], wanted),
+        _weakest_directions(info.rows[:, : len(wanted)], wanted),
     )
     return TurningObservability(assessed, turns.source, model.time[keep], curves, states, weak)
 
 
-def weakest_directions(R: Array, wanted: Sequence[Parameter]) -> tuple[tuple[dict[str, float], float], ...]:
+def _weakest_directions(R: Array, wanted: Sequence[Parameter]) -> tuple[tuple[dict[str, float], float], ...]:
     """Return the weakest observable directions, and how many times better known than before they are."""
     _, S, Vt = np.linalg.svd(R, full_matrices=True)
     S = np.concatenate([S, np.zeros(len(wanted) - len(S))])
@@ -235,7 +235,7 @@ def weakest_directions(R: Array, wanted: Sequence[Parameter]) -> tuple[tuple[dic
     )
 
 
-def sigmas_over_time(innovations: Innovations, keep: Array) -> tuple[Array, Array]:
+def _sigmas_over_time(innovations: Innovations, keep: Array) -> tuple[Array, Array]:
     """Return the sigmas (T, p) in prior sigmas, and (T, m) of navigation states, after the stretches `keep` (T,)."""
     p = innovations.rows.shape[2]
     F, done, sigma, navigation = np.eye(p), 0, [], []

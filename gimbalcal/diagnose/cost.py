@@ -53,37 +53,37 @@ def with_cost(recordings: Sequence[Recording], d: Diagnosis, progress: Progress 
     Largest errors of position, in n miles; where the run is one of the recordings, `uncalibrated_nmi` beside them, that
     without any calibration; where it is made up, `with_nmi` is the one sigma that the calibration leaves open.
     """
-    unit = navigating_unit(recordings, d) if d.findings else None
+    unit = _navigating_unit(recordings, d) if d.findings else None
     if unit is None:
         return d
     try:
         progress("navigating with and without what was found")
-        costs = cost_of_effects(unit)
+        costs = _cost_of_effects(unit)
     except InputError:  # no readouts, no latitude: no navigator
         return d
     return replace(d, findings=tuple(replace(f, cost=costs.get(f.effect)) for f in d.findings))
 
 
-def navigating_unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
+def _navigating_unit(recordings: Sequence[Recording], d: Diagnosis) -> _Unit | None:
     """Return the unit of these recordings and what it navigates on; None where no navigator can be run."""
     first, calibration = recordings[0], d.calibration
     if calibration is None or d.without is None:
         return None
     effects = {e.id: e for e in calibration.effects if e.id in {f.effect for f in d.findings}}
     if len(recordings) == 1 and turned_in_place(first):
-        base = with_daily_swing(still_unit(DAY + ROW / 3600, first.site, EAST_NORTH_UP), recordings)
+        base = _with_daily_swing(still_unit(DAY + ROW / 3600, first.site, EAST_NORTH_UP), recordings)
         return _Unit(effects, calibration, d.without, base, False)
     located = [r for r in recordings if r.kind.at_rest and r.site.latitude is not None]
     runs = [r for r in recordings if r.kind.stabilised]
     if not located or first.platform.name != SPACE_STABLE.name or len(runs) > 1:
         return None
-    base = runs[0] if runs else with_daily_swing(still_base(DAY, located[0].site), recordings)
+    base = runs[0] if runs else _with_daily_swing(still_base(DAY, located[0].site), recordings)
     return _Unit(effects, calibration, d.without, base, bool(runs))
 
 
-def cost_of_effects(unit: _Unit) -> Mapping[str, Cost]:
+def _cost_of_effects(unit: _Unit) -> Mapping[str, Cost]:
     """The cost of each effect that was found and that the run shows; what all of them leave is navigated once."""
-    run, shown = navigated_run(unit)
+    run, shown = _navigated_run(unit)
     if not shown:
         return {}
     aids = usual_references(run)
@@ -100,7 +100,7 @@ def cost_of_effects(unit: _Unit) -> Mapping[str, Cost]:
     return out
 
 
-def with_daily_swing(base: Recording, recordings: Sequence[Recording]) -> Recording:
+def _with_daily_swing(base: Recording, recordings: Sequence[Recording]) -> Recording:
     """The base with temperature and other logged channels going once a day through the range they were recorded in."""
     turn = np.sin(2 * np.pi * base.time / SOLAR_DAY)
     around = {k: v for r in recordings for k, v in r.channels.items() if k[0] in FOLLOWED}
@@ -108,7 +108,7 @@ def with_daily_swing(base: Recording, recordings: Sequence[Recording]) -> Record
     return replace(base, channels=dict(base.channels) | swung)
 
 
-def navigated_run(unit: _Unit) -> tuple[Recording, tuple[str, ...]]:
+def _navigated_run(unit: _Unit) -> tuple[Recording, tuple[str, ...]]:
     """Return what is navigated, and the effects whose cost it shows: none that follow a channel which it lacks.
 
     It is the static run that was diagnosed, or a still base whose sensors err as was found.

@@ -77,12 +77,12 @@ def diagnose(
     provenance: dict[str, Any] = {"recorded": date} if date else {}
     if all(r.kind.sighting for r in recordings):
         refuse_for_mounts(grade)
-        diagnosis = diagnose_request(request)
+        diagnosis = _diagnose_request(request)
     else:
         unit = grade_of_unit(recordings, grade)
         progress(unit.in_words)
         diagnosis = _with_question(
-            diagnose_request(replace(request, recordings=tuple(unit.of(recordings)))), request, unit
+            _diagnose_request(replace(request, recordings=tuple(unit.of(recordings)))), request, unit
         )
         provenance["grade"] = unit.origin.to_dict()
     if known is not None and diagnosis.calibration is not None:
@@ -134,7 +134,7 @@ def _quick_calibration(recordings: Sequence[Recording]) -> Calibration:
     return three_stage(recordings) if gimbals else inertial_unit(recordings[0])
 
 
-def diagnose_request(request: DiagnosisRequest) -> Diagnosis:
+def _diagnose_request(request: DiagnosisRequest) -> Diagnosis:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # many small matrices: threads only get into each other's way
@@ -168,14 +168,14 @@ def with_caveats(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequen
 
 def _by_kind(request: DiagnosisRequest) -> Diagnosis:
     if all(r.kind.sighting for r in request.recordings):
-        return diagnose_nights(request)
+        return _diagnose_nights(request)
     if len(request.recordings) == 1:
         return diagnose_recording(request)
     by_hand = all(lacks_known_attitude(r) and r.kind.in_positions for r in request.recordings)
-    return diagnose_sessions(request) if by_hand else diagnose_jointly(request)
+    return _diagnose_sessions(request) if by_hand else diagnose_jointly(request)
 
 
-def diagnose_sessions(request: DiagnosisRequest) -> Diagnosis:
+def _diagnose_sessions(request: DiagnosisRequest) -> Diagnosis:
     """Sessions of one unit turned by hand: their rests together, and whether they share their constants at all."""
     diagnosis = _diagnosed_as_one(request)
     terms = by_triad(request.baseline)[0] or ACCELEROMETER_TERMS
@@ -193,7 +193,7 @@ def _diagnosed_as_one(request: DiagnosisRequest) -> Diagnosis:
     return replace(diagnosis, in_words=f"{diagnosis.in_words} {capitalised(remark)}.")
 
 
-def diagnose_nights(request: DiagnosisRequest) -> Diagnosis:
+def _diagnose_nights(request: DiagnosisRequest) -> Diagnosis:
     """Pointing runs of one mount: all nights together, and whether they share their terms at all.
 
     The terms are those of the result and those of `calibrate`: one that differs between nights need not show in all of

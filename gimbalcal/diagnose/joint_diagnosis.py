@@ -27,7 +27,7 @@ def joint_diagnosis(
 
     baseline: effects that the model was asked to hold, for the provenance.
     """
-    lead = max(parts, key=verdict_rank)
+    lead = max(parts, key=_verdict_rank)
     by_weight = [lead, *(p for p in parts if p is not lead)]
     findings = tuple(f for p in parts for f in p.findings)
     shapes = tuple(u for p in parts for u in p.unexplained)
@@ -45,7 +45,7 @@ def joint_diagnosis(
     ]
     provenance = {
         "version": gimbalcal.__version__,
-        "recordings": [file for v in one_view_each(parts) for file in v.source.files],
+        "recordings": [file for v in _one_view_each(parts) for file in v.source.files],
         "options": {"baseline": list(baseline) or [i for p in parts for i in p.view.baseline], "seed": seed},
         **{key: value for p in parts if p.evidence for key, value in p.evidence.to_dict().items()},
         "views": [p.name for p in parts],
@@ -65,12 +65,12 @@ def joint_diagnosis(
     )  # fmt: skip
 
 
-def verdict_rank(p: ViewDiagnosis) -> tuple[int, float]:
+def _verdict_rank(p: ViewDiagnosis) -> tuple[int, float]:
     """Return verdict, then how far the baseline is off."""
     return VERDICTS.index(p.verdict), 0.0 if p.verdict == "adequate" else p.fit.chi2_reduced_before
 
 
-def one_view_each(parts: Sequence[ViewDiagnosis]) -> tuple[View, ...]:
+def _one_view_each(parts: Sequence[ViewDiagnosis]) -> tuple[View, ...]:
     """Return one view of each recording."""
     return next((p.together for p in parts if p.together), (parts[0].view,))
 
@@ -108,8 +108,8 @@ def calibration_of(parts: Sequence[ViewDiagnosis], outcome: str) -> Calibration:
                 calibration,
                 method="diagnosis",
                 outcome=outcome or calibration.outcome,
-                provenance=provenance_of_fit(one_view_each(parts), causes),
+                provenance=provenance_of_fit(_one_view_each(parts), causes),
             )
     # time stamps are shifted, not calibrated
     fits = [replace(m, view=v) for v, m in fitted if not v.measurement.timing]
-    return calibrated_views(one_view_each(parts), fits, causes, outcome, forces)
+    return calibrated_views(_one_view_each(parts), fits, causes, outcome, forces)

@@ -154,7 +154,7 @@ def compare_causes(view: View, known: Calibration | None, progress: Progress) ->
     progress(f"fitting the model: {', '.join(without_underscores(i) for i in view.baseline)} (another: --baseline)")
     start = effects_of_another_day(known, view.baseline)
     o = scale_to_scatter(fit_baseline(view, start))
-    nominal = o.view.kind.stabilised and baseline_misfit(o) > MAX_CHI2_TO_LINEARISE
+    nominal = o.view.kind.stabilised and _baseline_misfit(o) > MAX_CHI2_TO_LINEARISE
     if nominal:
         o = scale_to_scatter(fit_baseline(view, start, steps=0))
     o = about_settings(o)
@@ -173,7 +173,7 @@ def compare_causes(view: View, known: Calibration | None, progress: Progress) ->
     return s
 
 
-def baseline_misfit(o: Fit) -> float:
+def _baseline_misfit(o: Fit) -> float:
     """Reduced chi^2 of the baseline alone."""
     Z, y = o.reduced(o.Z), o.reduced(o.residual[:, :, None])
     residual = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
@@ -188,9 +188,9 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
     joint = joint_fit(parts_of(c, members), causes)
     answers = tuple(_recording_answer(c, d, k, joint, case.rng) for k in range(len(joint.parts)))
     lead = min(range(len(answers)), key=lambda k: (answers[k].before.p_value, -answers[k].before.statistic.max()))
-    mismatch = () if d.verdict == "adequate" else mismatch_of_recordings(answers, lead)
+    mismatch = () if d.verdict == "adequate" else _mismatch_of_recordings(answers, lead)
     named = findings_of_recordings(c, d, joint)
-    shapes = tuple(shape_without_cause(c, i) for i in d.shapes[:3])
+    shapes = tuple(_shape_without_cause(c, i) for i in d.shapes[:3])
     law = law or law_of_misfit(c, d, case.seed, case.progress)
     answers = _with_law(answers, law)
     fitted = _mean_fit(answers, lead)
@@ -201,7 +201,7 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
     diagnosis = ViewDiagnosis(
         o.view, d.verdict, mismatch, named, shapes, fitted, curves,
         np.broadcast_to(o.sigma, curves.after.shape), calibration=joint.calibration(case.known), laws=law.laws,
-        recommend=law.recommend, outcome=misheld_sentences(c, d.verdict), evidence=evidence_of_ranking(c, d,
+        recommend=law.recommend, outcome=misheld_sentences(c, d.verdict), evidence=_evidence_of_ranking(c, d,
         case.clean),
         together=tuple(s.fit.view for s in c.searches),
         without=partial(joint.calibration_without, known=case.known),
@@ -229,7 +229,7 @@ def _of_several(
     )  # fmt: skip
 
 
-def evidence_of_ranking(c: Ranking, d: Decision, clean: Array) -> Evidence:
+def _evidence_of_ranking(c: Ranking, d: Decision, clean: Array) -> Evidence:
     """Return the evidence of a ranking and of simulated clean recordings (draws,)."""
     return Evidence(
         ln_bayes_factor=round(c.ln_total, 3),
@@ -268,7 +268,7 @@ def _with_law(answers: tuple[RecordingAnswer, ...], law: Lawful) -> tuple[Record
     return tuple(corrected) or answers
 
 
-def mismatch_of_recordings(answers: Sequence[RecordingAnswer], lead: int) -> tuple[Mismatch, ...]:
+def _mismatch_of_recordings(answers: Sequence[RecordingAnswer], lead: int) -> tuple[Mismatch, ...]:
     """Return where each recording is off, the one that is off most first."""
     if len(answers) == 1:
         return scanned_mismatches(answers[0].before, at_least=1)
@@ -280,7 +280,7 @@ def mismatch_of_recordings(answers: Sequence[RecordingAnswer], lead: int) -> tup
     return tuple(out[:MAX_CELLS])
 
 
-def shape_without_cause(c: Ranking, i: int) -> Shape:
+def _shape_without_cause(c: Ranking, i: int) -> Shape:
     """Return a shape without a cause; of several recordings, with those that show it."""
     of = c.library.candidates[i]
     channel = f"{of.channel} {of.axis}".strip()

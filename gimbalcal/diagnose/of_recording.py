@@ -383,9 +383,9 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool = False) -> Parts:
         parts.append(diagnose_views(request, known_view(request, mine)))
     forces = parts[0].calibration if parts else None
     if recording.has(RATE) and not (mine and not gyro):
-        calibration = request.calibration if forces is None else accelerometer_calibration(forces)
+        calibration = request.calibration if forces is None else _accelerometer_calibration(forces)
         explained = not parts or parts[0].verdict != "unexplained"
-        rates, notes = diagnose_gyroscopes(request, calibration, gyro, explained)
+        rates, notes = _diagnose_gyroscopes(request, calibration, gyro, explained)
         parts += rates
     turns = next((p.model for p in parts if p.view.measurement is TURNS), None)
     both = recording.has(RATE) and recording.has(FORCE)
@@ -396,7 +396,7 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool = False) -> Parts:
     return [*parts, *late], [*notes, *why_not]
 
 
-def accelerometer_calibration(calibration: Calibration) -> Calibration:
+def _accelerometer_calibration(calibration: Calibration) -> Calibration:
     """Return the accelerometers of a calibration of the forces, without the mount."""
     kept = tuple(e for e in calibration.effects if e.stage in SENSOR_STAGES and e.channel == FORCE)
     at = [i for i, p in enumerate(calibration.parameters) if p.effect in {e.id for e in kept}]
@@ -404,7 +404,7 @@ def accelerometer_calibration(calibration: Calibration) -> Calibration:
     return replace(calibration, effects=kept, parameters=wanted, covariance=calibration.covariance[np.ix_(at, at)])
 
 
-def diagnose_gyroscopes(
+def _diagnose_gyroscopes(
     request: DiagnosisRequest, calibration: Calibration | None, gyro: Sequence[str], explained: bool
 ) -> Parts:
     """Diagnose the views of the gyroscopes, and note in sentences what was not analysed."""

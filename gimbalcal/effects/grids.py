@@ -103,10 +103,10 @@ def highest_order(s: Stimulus) -> float:
     with M the first order at which all settings of a gimbal coincide again: three where all stand on multiples of 45
     degrees. Settings that stand on no common step, as stars do, tell every order.
     """
-    return max((highest_resolved_order(angle) for angle in s.readout.T), default=0.0)
+    return max((_highest_resolved_order(angle) for angle in s.readout.T), default=0.0)
 
 
-def highest_resolved_order(angle: Array) -> float:
+def _highest_resolved_order(angle: Array) -> float:
     """Return the highest order that the settings `angle` (n,) of a gimbal resolve, by their spectrum; 0 for one."""
     occupied = np.zeros(PLACES_OF_A_TURN)
     occupied[

@@ -72,7 +72,7 @@ def states(d: Dynamics, time: Array) -> Array:
     h, u = steps(time), d.drive
     a = relaxation(h, d.tau)
     keep = a[:, None]
-    push = u[1:] - keep * u[:-1] - lag_of_steady_step(np.diff(u, axis=0), h[:, None], d.tau)
+    push = u[1:] - keep * u[:-1] - _lag_of_steady_step(np.diff(u, axis=0), h[:, None], d.tau)
     a, push = np.concatenate([np.zeros(1), a]), np.concatenate([start[:1], push])
     if d.anew is not None:
         a, push = np.where(d.anew, 0.0, a), np.where(d.anew[:, None], start, push)
@@ -107,21 +107,21 @@ def smoothed_rate(x: Array, time: Array, tau: float) -> Array:
 
     def spread(change: Array) -> Array:
         within = np.where(goes_on, change, 0.0)
-        return first_order_lag(within, h, tau) + first_order_lag(within[::-1], h[::-1], tau)[::-1]
+        return _first_order_lag(within, h, tau) + _first_order_lag(within[::-1], h[::-1], tau)[::-1]
 
     lasts = spread(h)
     return np.asarray(spread(np.diff(x)) / np.where(lasts == 0, 1.0, lasts))  # a session of one sample tells no rate
 
 
-def first_order_lag(change: Array, h: Array, tau: float) -> Array:
+def _first_order_lag(change: Array, h: Array, tau: float) -> Array:
     """Return a quantity that changes by `change` (n - 1,) in steps h, less its first-order lag (n,)."""
     a = exp(-h / tau)
     return recursion(
-        np.concatenate([np.zeros(1), a]), np.concatenate([0 * change[:1], lag_of_steady_step(change, h, tau)])
+        np.concatenate([np.zeros(1), a]), np.concatenate([0 * change[:1], _lag_of_steady_step(change, h, tau)])
     )
 
 
-def lag_of_steady_step(step: Array, h: Array, tau: float) -> Array:
+def _lag_of_steady_step(step: Array, h: Array, tau: float) -> Array:
     """Return step / h tau (1 - e^(-h / tau)): what a state of first order is behind after a steady step; all of it for
     h = 0.
 

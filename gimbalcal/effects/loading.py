@@ -73,7 +73,7 @@ def load_text(name: str, text: str) -> tuple[str, ...]:
         return ids
     replaced = {i: CATALOGUE.pop(i) for i in ids if i in CATALOGUE}  # what its earlier text defined
     try:
-        new = enter_effects(name, lambda: _run(name, text))
+        new = _enter_effects(name, lambda: _run(name, text))
     except InputError:
         CATALOGUE.update(replaced)
         raise
@@ -104,7 +104,7 @@ def loaded_texts() -> tuple[tuple[str, str], ...]:
 def load_installed() -> None:
     """Import every module that an installed package names under the entry points `gimbalcal.effects`."""
     for point in entry_points(group=GROUP):
-        if new := enter_effects(f"the installed package behind {GROUP} / {point.name}", point.load):
+        if new := _enter_effects(f"the installed package behind {GROUP} / {point.name}", point.load):
             file = Path(getattr(sys.modules.get(point.module), "__file__", None) or point.module)
             _installed[str(file)] = file.read_text(encoding="utf-8") if file.is_file() else point.value, new
 
@@ -131,7 +131,7 @@ def files_outside(ids: Collection[str] | None = None) -> tuple[EffectFile, ...]:
     return tuple(rows)
 
 
-def enter_effects(name: str, run: Callable[[], object]) -> tuple[str, ...]:
+def _enter_effects(name: str, run: Callable[[], object]) -> tuple[str, ...]:
     """Return the ids that a run adds to the catalogue; none is entered where one breaks the contract."""
     before = set(CATALOGUE)
     broken = ""
@@ -173,14 +173,14 @@ def _reason(problem: BaseException) -> str:
 def contract_breach(cls: type[Effect]) -> str:
     """Return a sentence on what an effect breaks of the contract, to follow its id; empty where it keeps it."""
     try:
-        return missing_declaration(cls) or law_breach(cls)
+        return _missing_declaration(cls) or _law_breach(cls)
     except InputError as problem:
         return f"cannot be used: {problem}"
     except Exception as problem:  # noqa: BLE001  whatever a user's contribution does
         return f"fails on a recording that has everything: {type(problem).__name__}: {problem}"
 
 
-def missing_declaration(cls: type[Effect]) -> str:
+def _missing_declaration(cls: type[Effect]) -> str:
     """Return a sentence on what is missing from the declaration of an effect; empty if nothing is."""
     if not str(cls.id).isidentifier():
         return "has an id that is no name; write letters, digits and _"
@@ -208,7 +208,7 @@ def missing_declaration(cls: type[Effect]) -> str:
     return ""
 
 
-def law_breach(cls: type[Effect]) -> str:
+def _law_breach(cls: type[Effect]) -> str:
     """Return a sentence on the law that a contribution breaks: zero when absent, shape, exact derivative, linearity."""
     s, effect = example_stimulus(cls), zero_effect(cls, GIMBALS)
     n, k = s.readout.shape

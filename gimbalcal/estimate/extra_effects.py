@@ -42,7 +42,7 @@ class ExtraEffect:
         """Its linear parameters on a platform with these gimbals, under a wide prior."""
         every = parameters(CATALOGUE[self.effect], gimbals)
         return tuple(
-            replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in every if not self.axes or is_of_axes(p, self.axes)
+            replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in every if not self.axes or _is_of_axes(p, self.axes)
         )
 
     def absent(self, gimbals: Sequence[str], values: Mapping[str, float]) -> Effect:
@@ -70,7 +70,7 @@ def extra_effects(
         if bad := next((s for s in settings if "=" not in s), ""):
             raise InputError(f"--with {word}: {bad!r} is no CONSTANT=VALUE; write EFFECT[:AXIS][,CONSTANT=VALUE]")
         stated = {constant.strip(): value for constant, _, value in (s.partition("=") for s in settings)}
-        extra = extra_effect(word, effect, axis, stated, recordings, held)
+        extra = _extra_effect(word, effect, axis, stated, recordings, held)
         before = out.get(effect)
         if before is not None:
             axes = (*before.axes, *extra.axes) if before.axes and extra.axes else ()
@@ -79,7 +79,7 @@ def extra_effects(
     return tuple(out.values())
 
 
-def extra_effect(
+def _extra_effect(
     said: str, effect: str, axis: str, settings: Mapping[str, str], recordings: Sequence[Recording], held: Sequence[str]
 ) -> ExtraEffect:
     cls = known_effect(effect, f"--with {said}")
@@ -95,8 +95,8 @@ def extra_effect(
     extra = ExtraEffect(
         effect,
         (axis,) if axis else (),
-        stated_constants(said, cls, settings),
-        logged_covariate(said, cls, [a for r in recordings for a in r.axes("covariate")]),
+        _stated_constants(said, cls, settings),
+        _logged_covariate(said, cls, [a for r in recordings for a in r.axes("covariate")]),
     )
     if not extra.parameters(gimbals):
         axes = ", ".join(dict.fromkeys(p.axis for p in every if p.axis)) or "no axes"
@@ -104,7 +104,7 @@ def extra_effect(
     return extra
 
 
-def stated_constants(said: str, cls: type[Effect], settings: Mapping[str, str]) -> tuple[tuple[str, float], ...]:
+def _stated_constants(said: str, cls: type[Effect], settings: Mapping[str, str]) -> tuple[tuple[str, float], ...]:
     known = {f.name: f for f in constants(cls)}
     out = []
     for name, text in settings.items():
@@ -122,7 +122,7 @@ def stated_constants(said: str, cls: type[Effect], settings: Mapping[str, str]) 
     return tuple(out)
 
 
-def logged_covariate(said: str, cls: type[Effect], logged: Sequence[str]) -> str:
+def _logged_covariate(said: str, cls: type[Effect], logged: Sequence[str]) -> str:
     """The one covariate that was logged, for an effect that follows any of them."""
     if followed_covariate(cls) != "":
         return ""
@@ -132,7 +132,7 @@ def logged_covariate(said: str, cls: type[Effect], logged: Sequence[str]) -> str
     return logs[0]
 
 
-def is_of_axes(p: Parameter, axes: Sequence[str]) -> bool:
+def _is_of_axes(p: Parameter, axes: Sequence[str]) -> bool:
     """Return whether a parameter is of one of these axes: "xy" is x's, "equatorial_x" is equatorial."""
     pair = len(p.axis) == 2 and set(p.axis) <= set("xyz")
     return any(a in (p.axis, p.axis[0] if pair else p.axis.rpartition("_")[0] or p.axis) for a in axes)

@@ -169,7 +169,7 @@ class ViewsFit:
         wanted, x = self.solution.parameters, self.solution.x
         return tuple(
             _of_view(v, self.effects, wanted, x, own, e)[2].reshape(len(v), -1)
-            for v, own, e in zip(self.views, nuisance_ordinals(self.views, wanted), self.local, strict=True)
+            for v, own, e in zip(self.views, _nuisance_ordinals(self.views, wanted), self.local, strict=True)
         )
 
     @property
@@ -191,7 +191,7 @@ class ViewsFit:
     def rows_by(self, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
         """Return Jacobian (q, p) by any parameters and misfit (q,) of all rows about x (p,), in units of noise."""
         linear, sigma = (
-            rows_about(self.views, self.effects, wanted, x, self.local),
+            _rows_about(self.views, self.effects, wanted, x, self.local),
             _row_sigma(self.views, self.excesses),
         )
         return linear.J / sigma[:, None], linear.r / sigma
@@ -230,9 +230,9 @@ class ViewsFit:
         if not self.excess > 0:
             return np.inf
         rows = np.concatenate([self.whitened[0], _prior_rows(self.solution.parameters)[0]])
-        ordinal, _ = scale_ordinals(self.views)
+        ordinal, _ = _scale_ordinals(self.views)
         return float(
-            scale_degrees_of_freedom(
+            _scale_degrees_of_freedom(
                 orthonormal_columns(rows, MIN_RELATIVE_SIGNAL)[: len(ordinal)], ordinal, ordinal >= 0
             ).min()
         )
@@ -271,13 +271,13 @@ class ViewsFit:
     def cost_of_sizes(self, sizes: Sequence[Parameter]) -> Cost:
         """Return chi^2, linear about the fit, by absent effects whose `sizes` are free beside what was fitted."""
         wanted, x, sigma = self.solution.parameters, self.solution.x, _row_sigma(self.views, self.excesses)
-        linear = rows_about(self.views, self.effects, wanted, x, self.local)
+        linear = _rows_about(self.views, self.effects, wanted, x, self.local)
         J = linear.J / sigma[:, None]
         y = linear.r / sigma + J @ x
 
         def cost(absent: Sequence[Effect]) -> float:
             parts = [
-                p.whitened(columns_of_sizes(p.rows, acting_effects(p.view, absent), sizes))[0] for p in linear.parts
+                p.whitened(columns_of_sizes(p.rows, _acting_effects(p.view, absent), sizes))[0] for p in linear.parts
             ]
             X = np.concatenate([J, np.concatenate(parts) / sigma[:, None]], axis=1)
             return solve(information(X, y, (*wanted, *sizes)), self.min_signal).chi2
@@ -311,7 +311,7 @@ def fit(
     zero).
     """
     names = views[0].stimulus.axis_names
-    ordinal, of_views = scale_ordinals(views)
+    ordinal, of_views = _scale_ordinals(views)
     nuisances = [replace(q, index=i) for i, q in enumerate(q for v in views for q in v.nuisances)]  # each is another
     every = (*wanted, *nuisances)
     priors, scale = _prior_rows(every)
@@ -319,7 +319,7 @@ def fit(
     bounds = range_of_constants(wanted, *(v.stimulus for v in views))
     if bounds is not None:
         bounds = np.concatenate([bounds, np.tile([[-np.inf], [np.inf]], len(nuisances))], axis=1)
-    known, shape = (np.concatenate(part) for part in zip(*map(row_variances, views), strict=True))
+    known, shape = (np.concatenate(part) for part in zip(*map(_row_variances, views), strict=True))
     has_local = any(v.local is not None for v in views)
     last: dict[bytes, _Linear] = {}
 
@@ -331,7 +331,7 @@ def fit(
         if x.tobytes() not in last:
             e = next(iter(last.values())).local_at(x) if last else start_local
             last.clear()
-            last[x.tobytes()] = rows_about(views, effects_at(x), every, x, e)
+            last[x.tobytes()] = _rows_about(views, effects_at(x), every, x, e)
         linear, sigma = last[x.tobytes()], np.sqrt(known + shape * excess[ordinal] ** 2)
         return np.concatenate([linear.J / sigma[:, None], priors]), np.concatenate([linear.r / sigma, -priors @ x])
 
@@ -356,7 +356,7 @@ def fit(
         J, r = rows(x)
         Q, out = orthonormal_columns(J, MIN_RELATIVE_SIGNAL), excess.copy()
         e = (r - Q @ (Q.T @ r))[: len(known)]
-        free, w = scale_degrees_of_freedom(Q[: len(known)], ordinal, shape > 0), np.where(shape > 0, shape, 1.0)
+        free, w = _scale_degrees_of_freedom(Q[: len(known)], ordinal, shape > 0), np.where(shape > 0, shape, 1.0)
         for k, nu in enumerate(free):
             of = (ordinal == k) & (shape > 0)
             if excess[k] > 0 or e[of] @ e[of] > nu + significance * np.sqrt(2 * nu):
@@ -365,7 +365,7 @@ def fit(
         return out
 
     x = start if start is not None else np.append(values(absent, wanted), np.zeros(len(nuisances)))
-    start_local = [v.local.start(v, acting_effects(v, effects_at(x))) if v.local else NONE for v in views]
+    start_local = [v.local.start(v, _acting_effects(v, effects_at(x))) if v.local else NONE for v in views]
     excess = np.array([float(not known[ordinal == k].all()) for k in range(ordinal.max() + 1)])
     if np.any(excess > 0):
         excess = widened(x)
@@ -396,7 +396,7 @@ def information_of(
 ) -> Information:
     """Return the information of views of stated noise about the wanted parameters, linearised at effects."""
     x = values(effects, wanted)
-    linear, sigma = rows_about(views, effects, wanted, x, local), _row_sigma(views)
+    linear, sigma = _rows_about(views, effects, wanted, x, local), _row_sigma(views)
     J, r = linear.J / sigma[:, None], linear.r / sigma
     info = information(J, r + J @ x, wanted)
     return replace(info, count=info.count - linear.dependent)
@@ -456,12 +456,12 @@ class _Linear:
 NONE = np.zeros((0, 0))
 
 
-def rows_about(
+def _rows_about(
     views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, local: Sequence[Array] = ()
 ) -> _Linear:
     """Return the rows of views about parameters and nuisances x (p,), and local parameters (m, k); none: zero."""
     J, r, parts = [], [], []
-    for v, own, e in zip(views, nuisance_ordinals(views, wanted), local or [NONE] * len(views), strict=True):
+    for v, own, e in zip(views, _nuisance_ordinals(views, wanted), local or [NONE] * len(views), strict=True):
         rows, columns, misfit = _of_view(v, effects, wanted, x, own, e)
         part = _Part(v, rows, e if v.local is None or e.size else v.local.zero_values)
         own_columns, groups = part.whitened(columns)
@@ -471,13 +471,13 @@ def rows_about(
     return _Linear(x, np.concatenate(J), np.concatenate(r), tuple(parts))
 
 
-def nuisance_ordinals(views: Sequence[View], wanted: Sequence[Parameter]) -> list[slice]:
+def _nuisance_ordinals(views: Sequence[View], wanted: Sequence[Parameter]) -> list[slice]:
     """Return where the nuisances of each view are among the parameters, behind those of effects."""
     ends = np.cumsum([sum(bool(q.effect) for q in wanted), *(len(v.nuisances) for v in views)])
     return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
 
 
-def acting_effects(v: View, effects: Sequence[Effect]) -> Sequence[Effect]:
+def _acting_effects(v: View, effects: Sequence[Effect]) -> Sequence[Effect]:
     """Return the effects that act in the rows of a view."""
     return effects if v.acting is None else [e for e in effects if e.id in v.acting]
 
@@ -486,7 +486,7 @@ def _of_view(
     v: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, own: slice, e: Array
 ) -> tuple[Rows, Array, Array]:
     """Return the rows of one view about its effects, the columns (n, C, p) of all parameters, and the misfit (n, C)."""
-    view, acting = v if v.about is None else v.about(x[own]), acting_effects(v, effects)
+    view, acting = v if v.about is None else v.about(x[own]), _acting_effects(v, effects)
     rows = v.local.evaluate(acting, e) if v.local is not None and e.size else view.evaluate(acting)
     at = [i for i, q in enumerate(wanted) if q.effect and (v.acting is None or q.effect in v.acting)]
     columns, misfit = np.zeros((*rows.residual.shape, len(wanted))), rows.residual
@@ -497,7 +497,7 @@ def _of_view(
     return rows, columns, misfit
 
 
-def row_variances(v: View) -> tuple[Array, Array]:
+def _row_variances(v: View) -> tuple[Array, Array]:
     """Known variance (q,) of the rows, and the shape of what is added to it; of whitened rows one and nothing."""
     if v.local is not None:
         groups = v.local.group[-1] + 1
@@ -509,7 +509,7 @@ def row_variances(v: View) -> tuple[Array, Array]:
 
 def _row_sigma(views: Sequence[View], excesses: Sequence[Array] | None = None) -> Array:
     """Return one sigma (q,) of all rows, those that are whitened one; excesses: none of a stated noise."""
-    parts = map(row_variances, views)
+    parts = map(_row_variances, views)
     each = [np.zeros(1)] * len(views) if excesses is None else excesses
     return np.sqrt(
         np.concatenate([known + w * np.resize(e, len(known)) ** 2 for (known, w), e in zip(parts, each, strict=True)])
@@ -524,7 +524,7 @@ def _prior_rows(every: Sequence[Parameter]) -> tuple[Array, Array]:
     return (np.eye(len(every)) / scale)[known], scale
 
 
-def scale_ordinals(views: Sequence[View]) -> tuple[NDArray[np.int64], list[NDArray[np.int64]]]:
+def _scale_ordinals(views: Sequence[View]) -> tuple[NDArray[np.int64], list[NDArray[np.int64]]]:
     """Return the ordinal of the scale of each row of views, and those of the channels, (1,) or (C,), of each view."""
     ordinals: dict[str, NDArray[np.int64]] = {}
     for v in views:
@@ -532,11 +532,11 @@ def scale_ordinals(views: Sequence[View]) -> tuple[NDArray[np.int64], list[NDArr
         ordinals.setdefault(v.name, new)
     of_views = [ordinals[v.name] for v in views]
     return np.concatenate(
-        [np.resize(k, len(row_variances(v)[0])) for k, v in zip(of_views, views, strict=True)]
+        [np.resize(k, len(_row_variances(v)[0])) for k, v in zip(of_views, views, strict=True)]
     ), of_views
 
 
-def scale_degrees_of_freedom(Q: Array, ordinal: NDArray[np.int64], rows: NDArray[np.bool_]) -> Array:
+def _scale_degrees_of_freedom(Q: Array, ordinal: NDArray[np.int64], rows: NDArray[np.bool_]) -> Array:
     """Return the degrees of freedom that a basis Q (q, rank) leaves of those rows of each scale that are named."""
     leverage_free = np.maximum(1 - (Q**2).sum(axis=1), 0.0)  # of a row that is fitted alone, rounding may leave less
     return np.bincount(ordinal[rows], leverage_free[rows], minlength=ordinal.max(initial=-1) + 1)

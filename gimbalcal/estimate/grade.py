@@ -58,7 +58,9 @@ def grade_of_unit(recordings: Sequence[Recording], name: str = "") -> Graded:
     if name:
         return Graded(grade_named(name), "--grade says so")
     stabilised = [r for r in recordings if r.kind.stabilised]
-    force, rate = (middle_value([random_walk_size(r, s) for r in recordings if r not in stabilised]) for s in TRIADS)
+    force, rate = (
+        _median_of_known([random_walk_size(r, s) for r in recordings if r not in stabilised]) for s in TRIADS
+    )
     if stabilised and force is None:
         return Graded(GRADES["navigation"], "its gyroscopes hold a platform still in inertial space")
     reasons = [] if force is None else [f"accelerometers scatter by {_two_digits(force / UG)} ug in a mean over 1 s"]
@@ -88,7 +90,7 @@ def random_walk_size(recording: Recording, sensor: str) -> float | None:
     quantity = SENSORS[sensor]
     recording = whole_means(recording) if rests_are_means(recording) else recording
     visits = dwells(recording)
-    step = usual_step(recording.time, recording.weight, visits)
+    step = _usual_step(recording.time, recording.weight, visits)
     if step is None or not recording.has(quantity):
         return None
     if recording.counted(quantity):
@@ -111,7 +113,7 @@ def random_walk_size(recording: Recording, sensor: str) -> float | None:
     return None if sigma is None else sigma * float(np.sqrt(step / np.median(recording.weight)))
 
 
-def usual_step(time: Array, weight: Array, stays: Sequence[Dwell]) -> float | None:
+def _usual_step(time: Array, weight: Array, stays: Sequence[Dwell]) -> float | None:
     """Usual time [s] from a row to the next in one dwell, or from dwell to dwell where these are the rows.
 
     A reading that comes less than once a second is taken for one of a second: nobody says that it is a longer mean.
@@ -140,7 +142,7 @@ def _of_means(x: Array, stays: Sequence[Dwell], step: float) -> float | None:
     return float(max(np.sqrt(np.median(squares)), coarse) * np.sqrt(size * step))
 
 
-def middle_value(values: Sequence[float | None]) -> float | None:
+def _median_of_known(values: Sequence[float | None]) -> float | None:
     known = [x for x in values if x is not None]
     return float(np.median(known)) if known else None
 

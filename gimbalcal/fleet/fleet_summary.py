@@ -104,7 +104,7 @@ def fleet_summary(each: Mapping[str, Sequence[StoredResult]]) -> tuple[FleetSumm
 
     Of a unit with several recordings the last one is taken for the distributions.
     """
-    reported = [pair for folder, entries in each.items() for pair in sensor_reports(folder, entries)]
+    reported = [pair for folder, entries in each.items() for pair in _sensor_reports(folder, entries)]
     latest: dict[str, DatedCalibration] = {}
     for report, calibration in reported:
         if calibration is not None and (report.unit not in latest or calibration.date >= latest[report.unit].date):
@@ -113,7 +113,7 @@ def fleet_summary(each: Mapping[str, Sequence[StoredResult]]) -> tuple[FleetSumm
     known = fleet(own)
     few = len(known.distributions)
     parameters = tuple(_parameter(d, few) for d in known.distributions.values())
-    outside = tuple(unit_outside(d, int(i)) for d in known.distributions.values() for i in np.flatnonzero(~d.inside))
+    outside = tuple(_unit_outside(d, int(i)) for d in known.distributions.values() for i in np.flatnonzero(~d.inside))
     reports = tuple(report for report, _ in reported)
     verdicts = dict(Counter(r.verdict for r in reports if r.verdict).most_common())
     summary = FleetSummary(
@@ -131,7 +131,7 @@ def fleet_summary(each: Mapping[str, Sequence[StoredResult]]) -> tuple[FleetSumm
     return replace(summary, in_words=fleet_in_words(summary)), known, _table(reported, known)
 
 
-def sensor_reports(folder: str, entries: Sequence[StoredResult]) -> list[tuple[UnitReport, DatedCalibration | None]]:
+def _sensor_reports(folder: str, entries: Sequence[StoredResult]) -> list[tuple[UnitReport, DatedCalibration | None]]:
     """Return the report of each sensor of a recording, with its calibration."""
     by_unit: dict[str, list[StoredResult]] = {}
     for entry in entries:
@@ -167,7 +167,7 @@ def _parameter(d: Distribution, tried: int) -> FleetParameter:
     )  # fmt: skip
 
 
-def unit_outside(d: Distribution, i: int) -> OutsideUnit:
+def _unit_outside(d: Distribution, i: int) -> OutsideUnit:
     p = d.parameter
     value, sigma = (float(from_si(v[i], p.unit)) for v in (d.value, d.own_sigma))
     return OutsideUnit(d.units[i], p.name, p.axis, value, sigma, p.unit, float(d.p_value[i]))

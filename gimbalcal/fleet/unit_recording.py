@@ -120,7 +120,7 @@ def _results(task: BatchTask, recording: UnitRecording) -> Iterable[StoredResult
         loaded = load([Path(recording.folder)])
         calibrated = calibrate_each(loaded, task.method, more=task.more, grade=task.grade)
     except Exception as problem:  # noqa: BLE001  a defect with one recording must not stop the others
-        yield entry_of_problem(task, recording, problem)
+        yield _entry_of_problem(task, recording, problem)
         return
     for calibration, group in calibrated:
         yield _entry(task, recording, CALIBRATION, calibration.to_dict(), group[0].sensor)
@@ -129,14 +129,14 @@ def _results(task: BatchTask, recording: UnitRecording) -> Iterable[StoredResult
         try:
             diagnosis = diagnose(group, seed=task.seed, grade=task.grade)
         except Exception as problem:  # noqa: BLE001  nor must one sensor stop the others
-            yield entry_of_problem(task, recording, problem, sensor)
+            yield _entry_of_problem(task, recording, problem, sensor)
             continue
         yield _entry(task, recording, DIAGNOSIS, diagnosis.to_dict(), sensor)
         if diagnosis.calibration is not None:
             yield _entry(task, recording, CALIBRATION, diagnosis.calibration.to_dict(), sensor)
 
 
-def entry_of_problem(task: BatchTask, recording: UnitRecording, problem: Exception, sensor: str = "") -> StoredResult:
+def _entry_of_problem(task: BatchTask, recording: UnitRecording, problem: Exception, sensor: str = "") -> StoredResult:
     """Return the entry of a problem; only what follows from the files is lasting."""
     if isinstance(problem, InputError):
         return failure_entry(task, recording, str(problem), sensor, lasting=True)

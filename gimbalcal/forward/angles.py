@@ -11,9 +11,8 @@ from gimbalcal.number import Array, apply_matrix, arcsin, arctan2, is_symbolic, 
 from gimbalcal.platform import Platform
 from gimbalcal.rotation import frame_rotation, small_rotation_vector
 
-MIN_RELATIVE_SINGULAR_VALUE = (
-    1e-2  # relative singular value of the gimbals' axes below which they turn about one axis less
-)
+# relative singular value of the gimbals' axes below which they turn about one axis less
+MIN_RELATIVE_SINGULAR_VALUE = 1e-2
 MAX_STEPS, MAX_STEP_RAD = 8, 1e-15  # each step squares what is left of milliradians; rad
 
 
@@ -38,7 +37,7 @@ def gimbal_angles(platform: Platform, C_bp: Array, ideal: Array, error: Array | 
         angle = angle.astype(np.result_type(angle, error))
         angle[..., inner] += error[..., inner]
     for _ in range(2):
-        C, turns = attitude_chain(platform, angle)
+        C, turns = _attitude_chain(platform, angle)
         C = C if tilts is None else platform.attitude(angle, tilts)
         rotation, J = small_rotation_vector(C_bp @ np.swapaxes(C, -1, -2)), turns[..., free]
         step = (
@@ -59,7 +58,7 @@ def nearest_angles(platform: Platform, C_bp: Array, start: Array, free: Sequence
     """
     angle = np.array(start, dtype=float)
     for _ in range(MAX_STEPS):
-        C, turns = attitude_chain(platform, angle)
+        C, turns = _attitude_chain(platform, angle)
         rotation = small_rotation_vector(C_bp @ np.swapaxes(C, -1, -2))
         step = apply_matrix(np.linalg.pinv(turns[..., free], rcond=MIN_RELATIVE_SINGULAR_VALUE), rotation)
         angle[..., free] += step
@@ -74,7 +73,7 @@ def _symbolic_solve(J: Array, b: Array) -> Array:
     return np.array([list(sympy.Matrix(m).LUsolve(sympy.Matrix(v))) for m, v in zip(J, b, strict=True)], dtype=object)
 
 
-def attitude_chain(platform: Platform, angle: Array) -> tuple[Array, Array]:
+def _attitude_chain(platform: Platform, angle: Array) -> tuple[Array, Array]:
     """Return the attitude (n, 3, 3) of untilted axes, and the directions (n, 3, k) in platform axes of their turns."""
     C, turns = np.broadcast_to(np.eye(3), (*angle.shape[:-1], 3, 3)), []
     for i, axis in enumerate(platform.axes):

@@ -49,39 +49,39 @@ def sensors(
     return out
 
 
-def total_addition(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array | float:
+def _total_addition(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array | float:
     """Return the sum of what all effects add at one stage (0.0 where none does)."""
     return sum((e.contribution(s) for e in effects if e.stage is stage), start=0.0)
 
 
-def stage_rotation(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array:
-    tilt = total_addition(effects, stage, s)
+def _stage_rotation(effects: Sequence[Effect], stage: Stage, s: Stimulus) -> Array:
+    tilt = _total_addition(effects, stage, s)
     return np.eye(3) if isinstance(tilt, float) else tilt_rotation(tilt)
 
 
 def block_force(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Return f^p (n, 3) where the encoders say where the platform points; without gimbals the stimulus says it."""
     if not platform.axes:
-        tilt = total_addition(effects, Stage.PLATFORM, s)
+        tilt = _total_addition(effects, Stage.PLATFORM, s)
         return s.force if isinstance(tilt, float) else apply_matrix(tilt_rotation(tilt), s.force)
-    rotation = stage_rotation(effects, Stage.PLATFORM, s)
+    rotation = _stage_rotation(effects, Stage.PLATFORM, s)
     C_np, s = _mount(platform, s, effects)
-    gravity = s.gravity * DOWN + total_addition(effects, Stage.GRAVITY, s)
+    gravity = s.gravity * DOWN + _total_addition(effects, Stage.GRAVITY, s)
     return -apply_matrix(rotation @ C_np, np.broadcast_to(gravity, s.force.shape))
 
 
 def _mount(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> tuple[Array, Stimulus]:
     """Return C_np of a mount whose readouts say where it points, and the stimulus with its true angles."""
-    angle = s.readout + total_addition(effects, Stage.ENCODER, s)
+    angle = s.readout + _total_addition(effects, Stage.ENCODER, s)
     s = s.at(angle=angle)
-    tilts = total_addition(effects, Stage.AXIS_TILT, s)
+    tilts = _total_addition(effects, Stage.AXIS_TILT, s)
     C_bp = platform.attitude(angle, None if isinstance(tilts, float) else tilts)
-    return C_bp @ stage_rotation(effects, Stage.BASE, s), s
+    return C_bp @ _stage_rotation(effects, Stage.BASE, s), s
 
 
 def attitude(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> Array:
     """Return C_np (n, 3, 3) of a platform whose readouts say where it points, as these effects make it stand."""
-    return np.asarray(stage_rotation(effects, Stage.PLATFORM, s) @ _mount(platform, s, effects)[0])
+    return np.asarray(_stage_rotation(effects, Stage.PLATFORM, s) @ _mount(platform, s, effects)[0])
 
 
 def _line_of_sight(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -> dict[str, Array]:
@@ -89,7 +89,7 @@ def _line_of_sight(platform: Platform, s: Stimulus, effects: Sequence[Effect]) -
     aimed = on_target(platform, s).aimed
     C_np, s = _mount(platform, s, effects)
     s = s.at(force=-s.gravity * C_np[..., 2])
-    along = stage_rotation(effects, Stage.LINE_OF_SIGHT, s)[..., :1, :]
+    along = _stage_rotation(effects, Stage.LINE_OF_SIGHT, s)[..., :1, :]
     return {"pointing": ((along @ C_np) @ aimed)[..., 0, :]}
 
 
@@ -121,7 +121,7 @@ def angular_rate(platform: Platform, s: Stimulus, effects: Sequence[Effect], rea
     C_np = _mount(platform, s, effects)[0]
     earth = EARTH_RATE * np.array([cos(required_latitude(s.latitude)), 0.0, -sin(required_latitude(s.latitude))])
     own = rate_of_chain(platform, s, effects, readout_rate)
-    return apply_matrix(stage_rotation(effects, Stage.PLATFORM, s), own + apply_matrix(C_np, earth + 0 * own))
+    return apply_matrix(_stage_rotation(effects, Stage.PLATFORM, s), own + apply_matrix(C_np, earth + 0 * own))
 
 
 def rate_of_chain(platform: Platform, s: Stimulus, effects: Sequence[Effect], readout_rate: Array) -> Array:
@@ -141,7 +141,7 @@ def reading_after_stages(felt: str, stages: Sequence[Stage], s: Stimulus, effect
     """Return what is left (n, 3) of the "force" or "rate" felt in `s` after each of the stages has added to it."""
     value = getattr(s, felt)
     for stage in stages:
-        value = value + total_addition(effects, stage, s)
+        value = value + _total_addition(effects, stage, s)
         s = s.at(**{felt: value})
     return np.asarray(value)
 
@@ -151,18 +151,18 @@ def _inertially_fixed(platform: Platform, s: Stimulus, effects: Sequence[Effect]
     L = required_latitude(s.latitude)
     unit = s.force / s.gravity
     phase = arctan2(unit[..., 1], unit[..., 0])
-    drift = stage_rotation(effects, Stage.PLATFORM, s)
+    drift = _stage_rotation(effects, Stage.PLATFORM, s)
     C_np = drift @ navigation_to_platform(phase, L)
-    gravity = s.gravity * DOWN + total_addition(effects, Stage.GRAVITY, s)
+    gravity = s.gravity * DOWN + _total_addition(effects, Stage.GRAVITY, s)
     force = accelerometers(-apply_matrix(C_np, np.broadcast_to(gravity, s.force.shape)), s, effects)
-    C_nb = stage_rotation(effects, Stage.BASE, s)
+    C_nb = _stage_rotation(effects, Stage.BASE, s)
     s = s.at(angle=ideal_angles(platform, phase, L))
-    tilts, off = total_addition(effects, Stage.AXIS_TILT, s), total_addition(effects, Stage.ENCODER, s)
+    tilts, off = _total_addition(effects, Stage.AXIS_TILT, s), _total_addition(effects, Stage.ENCODER, s)
     tilted = None if isinstance(tilts, float) else tilts
     angle = gimbal_angles(platform, C_np @ np.swapaxes(C_nb, -1, -2), s.angle, off, tilted)
     s = s.at(angle=angle)
-    readout = angle - total_addition(effects, Stage.ENCODER, s)
-    attitude = navigator_attitude_error(platform, force, readout) + total_addition(effects, Stage.ATTITUDE, s)
+    readout = angle - _total_addition(effects, Stage.ENCODER, s)
+    attitude = navigator_attitude_error(platform, force, readout) + _total_addition(effects, Stage.ATTITUDE, s)
     return {"specific_force": force, "gimbal_angle": readout, "attitude_error": attitude}
 
 

@@ -107,7 +107,7 @@ class Rows:
         if self.fixed_columns is not None:
             return self.fixed_columns(effect, wanted)
         s, names = self.seen[effect.stage], self.stimulus.axis_names
-        if any(e.spans_rows and e.stage is not effect.stage and has_size(e) for e in self.effects):
+        if any(e.spans_rows and e.stage is not effect.stage and _has_size(e) for e in self.effects):
             return self._through_all(effect, wanted)
         if not len(wanted):
             return np.zeros((*self.residual.shape, 0))
@@ -168,7 +168,7 @@ def linearise(
         return sensors(block_force(platform, s, effects), s, effects, quantities)
 
     unperturbed = outputs(effects) if force is None else sensors(force, s, effects, quantities)
-    keys = tuple(channels) if channels is not None else all_outputs(platform, unperturbed)
+    keys = tuple(channels) if channels is not None else _all_outputs(platform, unperturbed)
     predicted = wanted_channels(platform, unperturbed, keys)
     stimuli: dict[Stage, Stimulus] = {}
     sensitivity: dict[Stage, Array] = {}
@@ -181,7 +181,7 @@ def linearise(
             stimuli[stage], sensitivity[stage] = of_sensors[stage]
             continue
         columns = []
-        shape = shape_of_addition(stage, platform)
+        shape = _shape_of_addition(stage, platform)
         for unit in np.eye(int(np.prod(shape))):
             probe = _PROBES[stage](value=(1j * STEP * unit).reshape(shape), met=stimuli)
             added = wanted_channels(platform, outputs((*effects, probe)), keys)
@@ -239,7 +239,7 @@ def jacobian(
     return {q: full[:, [i for i, key in enumerate(rows.channels) if key[0] == q]] for q in quantities}
 
 
-def has_size(effect: Effect) -> bool:
+def _has_size(effect: Effect) -> bool:
     """Return whether any parameter of an effect differs from zero."""
     return any(np.any(np.asarray(getattr(effect, f.name)) != 0) for f in fields(effect) if "sigma" in f.metadata)
 
@@ -257,11 +257,11 @@ def wanted_channels(platform: Platform, outputs: Mapping[str, Array], channels: 
     return np.stack([outputs[q][:, AXES.get(q, names).index(a)] for q, a in channels], axis=1)
 
 
-def all_outputs(platform: Platform, outputs: Mapping[str, Array]) -> tuple[Key, ...]:
+def _all_outputs(platform: Platform, outputs: Mapping[str, Array]) -> tuple[Key, ...]:
     return tuple((q, a) for q in outputs for a in AXES.get(q, platform.axis_names))
 
 
-def shape_of_addition(stage: Stage, platform: Platform) -> tuple[int, ...]:
+def _shape_of_addition(stage: Stage, platform: Platform) -> tuple[int, ...]:
     """Return the shape of what an effect adds to one row at a stage."""
     k = len(platform.axes)
     return {Stage.ENCODER: (k,), Stage.AXIS_TILT: (k, 3)}.get(stage, (3,))

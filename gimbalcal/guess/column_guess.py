@@ -35,10 +35,8 @@ JOINED_CLOCK = "time of two columns"
 MIN_STEP = 0.05  # of the norm of the force, from row to row: no log is so slow, but a table of positions is
 MAX_NORM_SPREAD = 0.1  # of the force at all but a few dwells
 MAX_DWELLS = 2000  # rows of such a table
-MIN_ELLIPSOID_ROWS, MAX_OFF_ELLIPSOID = (
-    30,
-    0.02,
-)  # rows that show an ellipsoid, and how far from it most rests are, in g
+# rows that show an ellipsoid, and how far from it most rests are, in g
+MIN_ELLIPSOID_ROWS, MAX_OFF_ELLIPSOID = 30, 0.02
 MAX_NUMBERED = 100  # rows that are numbered as positions although the force hardly turns: a count of samples has more
 MIN_REPEATED, MIN_READ_ROWS, UNLIKE_REPEATS = 0.4, 100, 3.0  # of the rows; others; times the usual number
 MIN_HELD_ROWS, MIN_PROBABILITY = 20, 1e-6  # equal rows of all sensors that may be held, and that chance leaves so
@@ -204,10 +202,10 @@ def _without_repeated_rows(log: Log) -> tuple[Log, str]:
     alike = np.append(False, np.all(same, axis=0)) if len(same) >= 3 else np.zeros(1, dtype=bool)
     if np.mean(alike) < MIN_REPEATED or np.count_nonzero(~alike) < MIN_READ_ROWS:
         return log, ""
-    together, apart = np.log(np.mean(alike[1:])), sum(np.log(max(float(np.mean(s)), 1e-9)) for s in same)
+    together, independent = np.log(np.mean(alike[1:])), sum(np.log(max(float(np.mean(s)), 1e-9)) for s in same)
     times = np.sort(np.diff(np.flatnonzero(~alike), append=len(alike)))
     usual = times[np.searchsorted(np.cumsum(times), len(alike) / 2)]  # of a row
-    if together < apart / 2 or usual > UNLIKE_REPEATS * np.median(times):
+    if together < independent / 2 or usual > UNLIKE_REPEATS * np.median(times):
         return log, ""
     share = f"{100 * float(np.mean(alike)):.0f} % of the rows"
     return log.rows(~alike), f"{share} repeat the one before in all sensors, and are left out"

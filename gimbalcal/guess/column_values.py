@@ -301,7 +301,7 @@ def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple
     whole = {n: x for n, x in whole.items() if np.all(x == np.round(x))}
     signed = {n: with_signs(x) for n, x in whole.items()}
     gained = {n: jumps(signed[n]) - jumps(x) for n, x in whole.items()}
-    shown = {n for n, x in signed.items() if gained[n] < 0 and not jumps(x) and not is_clock(n, x)}
+    shown = {n for n, x in signed.items() if gained[n] < 0 and not jumps(x) and not _is_clock(n, x)}
     names = list(columns)
     for triad in filter(_differ_in_axis, zip(names, names[1:], names[2:], strict=False)):
         if shown.intersection(triad):
@@ -311,7 +311,7 @@ def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple
     return kept, tuple(n for n in names if n in shown)
 
 
-def is_clock(name: str, x: Array) -> bool:
+def _is_clock(name: str, x: Array) -> bool:
     """Return whether a column (n,) is a clock or counter by its name, or by growing from row to row."""
     guess = by_name(name)
     return (guess is not None and guess.quantity == "time") or is_counter(name) or bool(np.all(np.diff(x) > 0))

@@ -146,7 +146,7 @@ def _candidates(names: tuple[str, ...], first: Platform | None, varied: bool) ->
     """
     known = [KNOWN[name] for name in TABLES if set(names) <= set(KNOWN[name].axis_names)]
     known = sorted(known, key=lambda p: p is not first)
-    for of_gravity, signs in product((False, True) if varied else (False,), readout_signs(len(names))):
+    for of_gravity, signs in product((False, True) if varied else (False,), _readout_signs(len(names))):
         backwards = [n for n, sign in zip(names, signs, strict=True) if sign < 0]
         words = f"{KNOWN_CHAIN}, the {' and the '.join(backwards)} readout backwards" if backwards else KNOWN_CHAIN
         words += ", all three accelerometers reversed (the log holds gravity)" * of_gravity
@@ -163,7 +163,7 @@ def _candidates(names: tuple[str, ...], first: Platform | None, varied: bool) ->
             yield from (Correction(CHAIN, platform=Platform("own", (*p.axes, base))) for base in bases)
 
 
-def readout_signs(count: int) -> list[tuple[float, ...]]:
+def _readout_signs(count: int) -> list[tuple[float, ...]]:
     """Return the signs of so many readouts, those with the fewest negative ones first."""
     return sorted(product((1.0, -1.0), repeat=count), key=lambda signs: sum(sign < 0 for sign in signs))
 

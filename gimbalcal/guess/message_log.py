@@ -74,7 +74,7 @@ def tables_in(path: Path, head: Sequence[str]) -> tuple[dict[str, list[str]], in
         lines = [_CHECKSUM.sub("", line) for line in lines]
     messages, skipped = _of_pairs(lines) if paired else (_of_words(lines, at) if at is not None else {}, 0)
     if messages:
-        chosen = chosen_kind(path, messages)
+        chosen = _chosen_kind(path, messages)
         skipped += sum(len(message.rows) for tag, message in messages.items() if paired and tag not in chosen)
         return {tag: _lines(message) for tag, message in chosen.items()}, skipped
     return ({"": lines} if arrived or summed else {}), 0
@@ -180,7 +180,7 @@ def _of_words(lines: Sequence[str], at: int) -> dict[str, _Message]:
                 common = named
         elif tag := _tag(line, at):
             rows.setdefault(tag, []).append([c for i, c in enumerate(cells) if i != at])
-            if is_word(cells[-1]) and is_word(cells[-2]):  # FMT, 164, 47, IMU, QBff, TimeUS,I,GyrX, ...
+            if _is_word(cells[-1]) and _is_word(cells[-2]):  # FMT, 164, 47, IMU, QBff, TimeUS,I,GyrX, ...
                 headings.append(line)
     if not 1 < len(rows) <= MAX_KINDS:
         return {}
@@ -207,18 +207,18 @@ def _names(tag: str, headings: Sequence[str], columns: int) -> tuple[str, ...]:
         names = words[-columns:]
         if (
             tag in words[:-columns]
-            and all(map(is_word, names))
+            and all(map(_is_word, names))
             and any(by_name(n, quantity_of_log(tag)) for n in names)
         ):
             return tuple(names)
     return ()
 
 
-def is_word(cell: str) -> bool:
+def _is_word(cell: str) -> bool:
     return re.search(r"[^\W\d_]", cell) is not None
 
 
-def chosen_kind(path: Path, messages: Mapping[str, _Message]) -> dict[str, _Message]:
+def _chosen_kind(path: Path, messages: Mapping[str, _Message]) -> dict[str, _Message]:
     """Return the kind that holds both triads, or one for each; of several the one with the most rows."""
     holds = {
         tag: {g.quantity for n in message.names if (g := by_name(n, quantity_of_log(tag)))}

@@ -332,7 +332,7 @@ def _channels(
     if a and b:
         true[axis], read[axis] = (_angle(table, s, axis, notes) for s in (a, b))
         why["true_angle", axis], why["gimbal_angle", axis] = (a.name, reason), (b.name, reason)
-        if offset and not offsets_agree(read[axis] - true[axis], _offset(table, offset, axis, {})):
+        if offset and not _offsets_agree(read[axis] - true[axis], _offset(table, offset, axis, {})):
             raise InputError(
                 f"{path}: {b.name} less {a.name} is not what {offset.name} says: leave {b.name} out of the log if the "
                 f"mount was off by {offset.name}, or {offset.name} if it was not"
@@ -345,7 +345,7 @@ def _channels(
             f"{path}: of {axis} there is no readout beside the true angle ({there}); name its columns as in az_true "
             "and az_encoder, or write a header and use `gimbalcal import csv`"
         )
-    sign, sense = sense_of_offsets(table, offset)
+    sign, sense = _sense_of_offsets(table, offset)
     notes["sign"] = f"offsets are {sense}"
     off = sign * _offset(table, offset, axis, notes)
     where = _angle(table, one, axis, notes)
@@ -359,7 +359,7 @@ def _channels(
     return offset
 
 
-def offsets_agree(difference: Array, offset: Array) -> bool:
+def _offsets_agree(difference: Array, offset: Array) -> bool:
     """Return whether offsets (n,) are, up to their sign, the difference of two angles [rad]."""
     distance = np.abs(np.mod(difference + np.pi, 2 * np.pi) - np.pi)
     return bool(np.nanmedian(np.abs(distance - np.abs(offset))) < 0.5 * np.nanmedian(np.abs(offset)))
@@ -390,7 +390,7 @@ def _offset(table: Table, s: AngleColumn, axis: str, notes: dict[str, str]) -> A
     return np.asarray(to_si(x, unit))
 
 
-def sense_of_offsets(table: Table, offset: AngleColumn) -> tuple[int, str]:
+def _sense_of_offsets(table: Table, offset: AngleColumn) -> tuple[int, str]:
     """Return 1 where offsets are readout minus truth, -1 where they are the reverse, and by what."""
     for text in (*table.above, offset.name):
         for minuend, subtrahend in _MINUS.findall(text.lower()):

@@ -206,7 +206,7 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     context = _Context(title, place.site, {**notes, **read[first].notes}, left_out)
     missing = [a for a in "xyz" if a not in {log.guesses[n].axis for n in log.names(FORCE)}]
     if (len(missing) == 3 or gravity_is_constant(log)) and (table := turned_by_table(log)):
-        return recording_on_table(table, context)
+        return _recording_on_table(table, context)
     above = [line for table in tables.values() for line in table.above]
     rates = {log.guesses[n].axis for n in log.names(RATE)}
     if len(missing) == 3 and rates == set("xyz") and not log.has("gimbal_angle"):
@@ -269,22 +269,22 @@ def _self_describing(path: Path, title: str, place: StatedByUser) -> Proposal | 
         return None
     if is_guide_log(head_of(path)):
         stated = {} if place.latitude is None else {"latitude": str(place.latitude)}
-        return described_run("a guide log of PHD2", import_phd2([path], stated), title)
+        return _described_run("a guide log of PHD2", import_phd2([path], stated), title)
     for kind, read in SELF_DESCRIBING.items():
         try:
-            return described_run(kind, read([path], {}), title)
+            return _described_run(kind, read([path], {}), title)
         except (InputError, UnicodeDecodeError, OSError):
             continue
     return None
 
 
-def described_run(kind: str, run: Recording, title: str) -> Proposal:
+def _described_run(kind: str, run: Recording, title: str) -> Proposal:
     guesses = {"time": Guess("time", "", "s", f"the form of the file, {kind}")}
     guesses |= {f"{q} {a}": Guess(q, a, "deg", f"the form of the file, {kind}") for q, a in run.channels}
     return Proposal(replace(run, title=title), guesses, (), {"kind": f"the file is {kind}"})
 
 
-def recording_on_table(table: TurnedLog, context: _Context) -> Proposal:
+def _recording_on_table(table: TurnedLog, context: _Context) -> Proposal:
     """Return the recording of gyroscopes that a table turned."""
     recording = context.recording(table.log, table.platform, kind="rotation")
     kind = (
@@ -326,7 +326,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         cost = candidate.cost + (motion_cost(trial) if log.has_open_unit(RATE) else 0.0)
         try:
             trial = trial.shortened(at_rest, MAX_DWELL_ROWS) if at_rest else trial
-            proposal, used = tried_recording(trial, candidate.log, context)
+            proposal, used = _tried_recording(trial, candidate.log, context)
         except InputError as problem:
             moving = isinstance(problem, _MovingUnitError)
             refused.append((cost + (MIN_MARGIN - MAX_EXCESS if moving else 0.0), problem))
@@ -369,7 +369,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
     return replace(proposal, notes=notes)
 
 
-def tried_recording(trial: Log, whole: Log, context: _Context) -> tuple[Proposal, Log]:
+def _tried_recording(trial: Log, whole: Log, context: _Context) -> tuple[Proposal, Log]:
     """Return the recording of a log of means, or of the whole log where that is refused, and which of them it is."""
     try:
         return _in_units(trial, context), trial

@@ -187,7 +187,7 @@ def _parts(path: Path, variables: Mapping[str, Any]) -> dict[Path, Mapping[str, 
 
     Arrays of as many rows each may be several triads at once, and all variables stay together.
     """
-    tall = {name: rows_before_components(x) for name, x in variables.items() if x is not None and np.ndim(x)}
+    tall = {name: _rows_before_components(x) for name, x in variables.items() if x is not None and np.ndim(x)}
     triads = {name: x for name, x in tall.items() if x.ndim == 2 and x.shape[1] == 3 and len(x) >= MIN_ROWS}
     quantities = {quantity_of_log(name) for name in triads}
     if len(triads) < len(tall) or len(quantities) > 1 or "" in quantities or len({*map(len, triads.values())}) < 2:
@@ -197,7 +197,7 @@ def _parts(path: Path, variables: Mapping[str, Any]) -> dict[Path, Mapping[str, 
     return {path / name: {**common, quantity: x} for name, x in triads.items()}
 
 
-def rows_before_components(x: Any) -> Array:
+def _rows_before_components(x: Any) -> Array:
     """Return an array with a row for each reading, of which there are more than components."""
     x = np.squeeze(np.asarray(x))
     return x.T if x.ndim == 2 and x.shape[0] < x.shape[1] else x
@@ -216,7 +216,7 @@ def _columns(path: Path, variables: Mapping[str, Any]) -> tuple[dict[str, Any], 
     And the names of what has rows too, but another number of them.
     """
     arrays = {name: np.squeeze(np.asarray(x)) for name, x in variables.items() if x is not None}
-    tall = {name: rows_before_components(x) for name, x in arrays.items() if x.ndim in (1, 2)}
+    tall = {name: _rows_before_components(x) for name, x in arrays.items() if x.ndim in (1, 2)}
     width, sensors = Counter[int](), Counter[int]()
     for name, x in tall.items():
         width[len(x)] += 1 if x.ndim == 1 else x.shape[1]

@@ -146,7 +146,7 @@ def _rows(
     try:
         if mark != "  ":
             numbers = [bool(_DECIMAL.fullmatch(cell)) for cell in _cells(head[first], mark)]
-            return with_headings(frame_of(path, mark, first, False, quoted, lines, comment, numbers), layout.names), 0
+            return _with_headings(frame_of(path, mark, first, False, quoted, lines, comment, numbers), layout.names), 0
     except InputError:  # a row with more cells than the first
         pass
     every = path.read_text(encoding=encoding_of(path), errors="replace").splitlines() if lines is None else lines
@@ -161,10 +161,10 @@ def _rows(
             f"{like.strip()[:60]!r} do not; put the rows of one kind into a file of their own, with names above"
         )
     clean = ["\t".join(cell.replace("\t", " ") for cell in row) for row in rows]
-    return with_headings(frame_of(path, "\t", 0, False, False, clean, ""), layout.names), len(cells) - len(rows)
+    return _with_headings(frame_of(path, "\t", 0, False, False, clean, ""), layout.names), len(cells) - len(rows)
 
 
-def with_headings(frame: pl.DataFrame, headings: Sequence[str]) -> pl.DataFrame:
+def _with_headings(frame: pl.DataFrame, headings: Sequence[str]) -> pl.DataFrame:
     """Return the frame with its columns called by the headings, by number where there is none; no name stands twice."""
     names = [name or str(i) for i, name in enumerate(headings or [""] * frame.width, start=1)]
     names = [*names, *map(str, range(len(names) + 1, frame.width + 1))][: frame.width]
@@ -315,14 +315,14 @@ def _names(above: Sequence[str], mark: str, width: int, row: Sequence[str]) -> t
     best: tuple[int, int, tuple[str, ...]] = (-1, -1, ())
     for i, line in enumerate(above):
         for cells in _headings(line, mark, width, filled):
-            known = sum(map(is_known_word, cells)) + width * (cells[0].lower() in _HEADING)
+            known = sum(map(_is_known_word, cells)) + width * (cells[0].lower() in _HEADING)
             if (known, i) >= best[:2] and not (best[0] >= 0 and _holds_units(cells)):
                 best = known, i, cells
                 break
     known, at, names = best
     if at < 0:
         return ()
-    upper, lower = (padded_cells(above[i], mark, width) if 0 <= i < len(above) else () for i in (at - 1, at + 1))
+    upper, lower = (_padded_cells(above[i], mark, width) if 0 <= i < len(above) else () for i in (at - 1, at + 1))
     repeated = len(set(names)) < 0.7 * len(names)
     if repeated and upper and any(map(_holds_letters, upper)):
         groups = list(upper)
@@ -351,7 +351,7 @@ def _headings(line: str, mark: str, width: int, filled: int) -> Iterator[tuple[s
             cells.pop()
         if comment:
             cells = [f"{cells[k - 1]} sigma" if w in _BESIDE and k else w for k, w in enumerate(cells)]
-            if len(cells) > width and 2 * sum(map(is_known_word, cells[-width:])) >= width:
+            if len(cells) > width and 2 * sum(map(_is_known_word, cells[-width:])) >= width:
                 cells = cells[-width:]  # remarks may stand before the names
         elif width < len(cells) <= most + 1 and mark != " " and any(map(by_name, cells[:width])):
             cells, width = cells[:most], len(cells[:most])
@@ -365,7 +365,7 @@ def _headings(line: str, mark: str, width: int, filled: int) -> Iterator[tuple[s
             yield tuple(cells + [""] * (width - len(cells)))
 
 
-def padded_cells(line: str, mark: str, width: int) -> tuple[str, ...]:
+def _padded_cells(line: str, mark: str, width: int) -> tuple[str, ...]:
     """Return the cells of a line that has no more than `width`, filled up with empty ones; none for a longer line."""
     cells = [cell.strip().strip("\"'").strip() for cell in _cells(line, mark)]
     while cells and not cells[-1]:
@@ -373,7 +373,7 @@ def padded_cells(line: str, mark: str, width: int) -> tuple[str, ...]:
     return tuple(cells + [""] * (width - len(cells))) if 1 < len(cells) <= width else ()
 
 
-def is_known_word(word: str) -> bool:
+def _is_known_word(word: str) -> bool:
     """Return whether a word names a column of a log, or has a unit in brackets."""
     return by_name(word) is not None or bool(re.search(r"[\[(]", word) and unit_written(plain_name(word)))
 
@@ -381,11 +381,11 @@ def is_known_word(word: str) -> bool:
 def _wordy_cells(row: Sequence[str]) -> Iterator[int]:
     """Yield the places of the cells that hold something that is no number."""
     for i, cell in enumerate(row):
-        if (text := cell.strip(" \"'")) and not is_numeric(text):
+        if (text := cell.strip(" \"'")) and not _is_numeric(text):
             yield i
 
 
-def is_numeric(cell: str) -> bool:
+def _is_numeric(cell: str) -> bool:
     """Return whether a cell is a number, an angle or a date."""
     if _NUMBER.fullmatch(cell) or SEXAGESIMAL.fullmatch(cell):
         return True
@@ -395,7 +395,7 @@ def is_numeric(cell: str) -> bool:
 def _share_of_numbers(row: Sequence[str]) -> float:
     """Return which share of the cells that are filled are numbers, angles or dates; 0 where fewer than two are."""
     cells = [text for cell in row if (text := cell.strip(" \"'"))]
-    known = sum(map(is_numeric, cells))
+    known = sum(map(_is_numeric, cells))
     return known / len(cells) if known >= MIN_COLUMNS else 0.0
 
 

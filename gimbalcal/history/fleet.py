@@ -214,7 +214,7 @@ def _distribution(p: Parameter, rows: Sequence[UnitEstimate], tried: int) -> Dis
 
 def posterior_of_spread(x: Array, sigma: Array) -> tuple[Array, Array, Array, Array]:
     """Return the posterior (g,) of tau, the mean (g,) and its variance (g,) given it, and the grid (g,) of tau."""
-    tau = tau_grid(x, sigma)
+    tau = _tau_grid(x, sigma)
     posterior, mean, variance = _posterior(x, sigma, tau, without_each=False)
     return posterior[0], mean[0], variance[0], tau
 
@@ -223,14 +223,14 @@ def tail_of_others(x: Array, sigma: Array, inside: Array) -> Array:
     """Return the two-sided tail (n,) of each unit in the distribution of all others that are inside."""
     from scipy.special import erfc
 
-    tau = tau_grid(x[inside], sigma[inside])
+    tau = _tau_grid(x[inside], sigma[inside])
     own = np.where(inside, sigma, np.inf)
     posterior, mean, variance = _posterior(np.where(inside, x, 0.0), own, tau, without_each=True)
     off = np.abs(x[:, None] - mean) / np.sqrt(2 * (variance + tau**2 + sigma[:, None] ** 2))
     return np.asarray((posterior * erfc(off)).sum(axis=1))
 
 
-def tau_grid(x: Array, sigma: Array) -> Array:
+def _tau_grid(x: Array, sigma: Array) -> Array:
     """Return the values (g,) of tau that may be likely."""
     return np.asarray(GRID * (float(x.std()) or float(sigma.min())))
 

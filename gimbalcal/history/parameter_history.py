@@ -87,14 +87,14 @@ def parameter_history(
     line = len(at) > 2 and np.ptp(t) > SOLAR_DAY  # no drift is estimated within a day
     constant = np.ones((len(t), 1))
     design = np.concatenate([constant, t[:, None] / YEAR], axis=1) if line else constant
-    explained = explained_by_jumps(design, x, sigma, clear, independent_pairs) if len(at) >= MIN_VALUES else None
+    explained = _explained_by_jumps(design, x, sigma, clear, independent_pairs) if len(at) >= MIN_VALUES else None
     if explained is not None:
         jumps, off, shapes = explained
         design = np.concatenate([design, shapes], axis=1)
     else:
         jumps, off = _one_by_one(design, x, sigma, clear, independent_pairs)
         design = _with_step(design, x, sigma, jumps)
-    tau, beta, C = fit_with_scatter(design, x, sigma)
+    tau, beta, C = _fit_with_scatter(design, x, sigma)
     rate, rate_sigma = (beta[1] / YEAR, float(np.sqrt(C[1, 1])) / YEAR) if line else (np.nan, np.nan)
     drifts = bool(abs(rate) > max(CLEAR_SIGMAS, sure) * rate_sigma)
     if drifts and explained is None:  # what is drift is no jump
@@ -105,7 +105,7 @@ def parameter_history(
     allowed = allowed if np.isfinite(allowed) else CLEAR_SIGMAS * float(sigma[-1])
     due = float(time[-1] + allowed / abs(rate)) if drifts else np.nan
     if explained is None:
-        sizes = jump_sizes(x, sigma, jumps, off)
+        sizes = _jump_sizes(x, sigma, jumps, off)
     else:
         A = design if drifts or not line else np.delete(design, 1, axis=1)
         sizes = _sizes_of(A, x, sigma, len(jumps) + len(off))
@@ -118,12 +118,12 @@ def _one_by_one(
     """Return significant jumps between successive values, and outliers, about columns A (k, q)."""
     step = np.abs(np.diff(x)) / np.hypot(sigma[1:], sigma[:-1])
     jumps = tuple(k for k, (s, ok) in enumerate(zip(step, independent_pairs, strict=True), start=1) if ok and s > clear)
-    off = unpredicted_values(A, x, sigma, clear)
+    off = _unpredicted_values(A, x, sigma, clear)
     back = {k + 1 for k in jumps if k in off and k + 1 in jumps and (x[k] - x[k - 1]) * (x[k + 1] - x[k]) < 0}
     return tuple(k for k in jumps if not {k, k + 1} & back), off  # there and back again is one value that is off
 
 
-def explained_by_jumps(
+def _explained_by_jumps(
     A: Array, x: Array, sigma: Array, clear: float, independent_pairs: Sequence[bool]
 ) -> tuple[tuple[int, ...], tuple[int, ...], Array] | None:
     """Return jumps, outliers and their columns where a line and a few of them explain all; else None.
@@ -145,7 +145,7 @@ def explained_by_jumps(
     places = np.array([1 if change == "line" else len(where[change == "off"]) for change, _ in names])
     taken: list[int] = []
     while names:
-        gain = chi2_reductions(np.concatenate([A[:, :1], columns[:, taken]], axis=1), columns, x, sigma)
+        gain = _chi2_reductions(np.concatenate([A[:, :1], columns[:, taken]], axis=1), columns, x, sigma)
         best = int(np.argmax(np.where(gain > least, gain - 2 * np.log(places), -np.inf)))
         if gain[best] <= least[best]:
             break
@@ -160,7 +160,7 @@ def explained_by_jumps(
     return tuple(names[i][1] for i in jumps), tuple(names[i][1] for i in off), columns[:, [*jumps, *off]]
 
 
-def chi2_reductions(A: Array, columns: Array, x: Array, sigma: Array) -> Array:
+def _chi2_reductions(A: Array, columns: Array, x: Array, sigma: Array) -> Array:
     """Return the reduction of chi^2 by each of some columns (k, c) besides A (k, q); zero for columns in A."""
     w = 1 / sigma
     Q = np.linalg.qr(A * w[:, None])[0]
@@ -173,18 +173,18 @@ def chi2_reductions(A: Array, columns: Array, x: Array, sigma: Array) -> Array:
 
 def _sizes_of(A: Array, x: Array, sigma: Array, n: int) -> tuple[tuple[float, float], ...]:
     """Return sizes and sigmas of the last n columns of A (k, q), jumps and outliers."""
-    _, beta, C = fit_with_scatter(A, x, sigma)
+    _, beta, C = _fit_with_scatter(A, x, sigma)
     return tuple((float(b), float(np.sqrt(v))) for b, v in zip(beta[-n:], np.diag(C)[-n:], strict=True)) if n else ()
 
 
-def jump_sizes(x: Array, sigma: Array, jumps: Sequence[int], off: Sequence[int]) -> tuple[tuple[float, float], ...]:
+def _jump_sizes(x: Array, sigma: Array, jumps: Sequence[int], off: Sequence[int]) -> tuple[tuple[float, float], ...]:
     """Return sizes and sigmas of jumps, from the values on both sides, and of outliers, from all others."""
     pairs = [((float(x[k - 1]), float(sigma[k - 1])), (float(x[k]), float(sigma[k]))) for k in jumps]
-    pairs += [(weighted_mean(np.delete(x, k), np.delete(sigma, k)), (float(x[k]), float(sigma[k]))) for k in off]
+    pairs += [(_weighted_mean(np.delete(x, k), np.delete(sigma, k)), (float(x[k]), float(sigma[k]))) for k in off]
     return tuple((after - before, float(np.hypot(s, t))) for (before, s), (after, t) in pairs)
 
 
-def weighted_mean(x: Array, sigma: Array) -> tuple[float, float]:
+def _weighted_mean(x: Array, sigma: Array) -> tuple[float, float]:
     """Return the weighted mean of values x (k,) and its sigma."""
     w = sigma**-2
     return float(w @ x / w.sum()), float(1 / np.sqrt(w.sum()))
@@ -207,7 +207,7 @@ def _chi2(A: Array, x: Array, sigma: Array) -> float:
     return float((((w * x) - Q @ (Q.T @ (w * x))) ** 2).sum())
 
 
-def fit_with_scatter(A: Array, x: Array, sigma: Array) -> tuple[float, Array, Array]:
+def _fit_with_scatter(A: Array, x: Array, sigma: Array) -> tuple[float, Array, Array]:
     """Return tau, estimates and covariance of x (k,) by columns A (k, q), with tau for a chi^2 of its dof."""
 
     def fit(tau: float) -> tuple[float, Array, Array]:
@@ -228,14 +228,14 @@ def fit_with_scatter(A: Array, x: Array, sigma: Array) -> tuple[float, Array, Ar
     return (high, *fit(high)[1:])
 
 
-def unpredicted_values(A: Array, x: Array, sigma: Array, clear: float) -> tuple[int, ...]:
+def _unpredicted_values(A: Array, x: Array, sigma: Array, clear: float) -> tuple[int, ...]:
     """Return the indices of values that the others do not predict; none below four values."""
     out: list[int] = []
     if len(x) < MIN_VALUES or _chi2(A, x, sigma) < clear**2:  # one value that is off by so much makes it larger
         return ()
     for k in range(len(x)):
         rest = np.arange(len(x)) != k
-        tau, beta, C = fit_with_scatter(A[rest], x[rest], sigma[rest])
+        tau, beta, C = _fit_with_scatter(A[rest], x[rest], sigma[rest])
         spread = np.sqrt(sigma[k] ** 2 + tau**2 + A[k] @ C @ A[k])
         if abs(x[k] - A[k] @ beta) > clear * spread:
             out.append(k)

@@ -87,8 +87,8 @@ def _insert(base: sqlite3.Connection, entry: StoredResult) -> bool:
     method = str(content.get("method", entry.kind))
     answer = str(content.get("outcome") or content.get("verdict", ""))
     recordings = [r.get("sha256", "") for r in content.get("provenance", {}).get("recordings", ())]
-    of_content = content_digest(content)
-    texts = json.dumps(recordings), json.dumps(content), f"{of_content} {entry_digest(entry, of_content)}"
+    of_content = _content_digest(content)
+    texts = json.dumps(recordings), json.dumps(content), f"{of_content} {_entry_digest(entry, of_content)}"
     row = (entry.unit, entry.date, entry.kind, method, answer, *texts)
     columns = "(unit, date, kind, method, answer, recordings, content, digest)"
     same = "select 1 from entries where unit = ? and kind = ? and substr(digest, 1, 64) = ?"
@@ -117,10 +117,10 @@ def kept_entries(path: Path, unit: str = "") -> tuple[StoredResult, ...]:
         try:
             content = json.loads(text)
             entry = StoredResult(unit_, date, kind_, content)
-            of_content = content_digest(content)
+            of_content = _content_digest(content)
             sound = all(isinstance(word, str) for word in (unit_, date, kind_)) and digest in (
                 of_content,
-                f"{of_content} {entry_digest(entry, of_content)}",
+                f"{of_content} {_entry_digest(entry, of_content)}",
             )
         except (ValueError, TypeError, AttributeError, RecursionError):
             sound = False
@@ -133,14 +133,14 @@ def kept_entries(path: Path, unit: str = "") -> tuple[StoredResult, ...]:
     return tuple(e for e in entries if unit in ("", e.unit))
 
 
-def content_digest(content: Json) -> str:
+def _content_digest(content: Json) -> str:
     """Return the SHA-256 of a result without its date of computation."""
     provenance = {k: v for k, v in content.get("provenance", {}).items() if k != "created"}
     text = json.dumps({**content, "provenance": provenance}, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def entry_digest(entry: StoredResult, of_content: str) -> str:
+def _entry_digest(entry: StoredResult, of_content: str) -> str:
     """Return the SHA-256 of an entry with its unit, date and kind, which stand outside its content."""
     return hashlib.sha256(json.dumps([entry.unit, entry.date, entry.kind, of_content]).encode()).hexdigest()
 
@@ -169,13 +169,13 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
         path.parent.mkdir(parents=True, exist_ok=True)
     base = None
     try:
-        base = sqlite3.connect(store_uri(path), timeout=WAIT_S, isolation_level=None, uri=True)
+        base = sqlite3.connect(_store_uri(path), timeout=WAIT_S, isolation_level=None, uri=True)
         base.execute("begin")  # one look at all of it: another process may be making the tables just now
         mark, version = (base.execute(f"pragma {name}").fetchone()[0] for name in ("application_id", "user_version"))
         empty = mark == 0 and version == 0 and not base.execute("select * from sqlite_master").fetchone()
         base.execute("commit")
         if empty and make:
-            create_tables(base)
+            _create_tables(base)
         elif mark != MARK or version not in READABLE_FORMATS:
             formats = " and ".join(map(str, READABLE_FORMATS))
             what = f"of format {version}, and this version reads {formats}" if mark == MARK else "another program's"
@@ -190,13 +190,13 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
             base.close()
 
 
-def store_uri(path: Path) -> str:
+def _store_uri(path: Path) -> str:
     """Return the URI of a store; where nothing can be written and no writer left a log, one that needs no lock."""
     fixed = not os.access(path.parent, os.W_OK) and path.is_file() and not path.with_name(f"{path.name}-wal").exists()
     return path.absolute().as_uri() + ("?mode=ro&immutable=1" if fixed else "")
 
 
-def create_tables(base: sqlite3.Connection) -> None:
+def _create_tables(base: sqlite3.Connection) -> None:
     """Create the tables, in the first of several processes."""
     until = time.monotonic() + WAIT_S
     while True:  # whoever makes the store at the same time: sqlite does not wait by itself where the mode changes

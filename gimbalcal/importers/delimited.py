@@ -61,12 +61,12 @@ def import_csv(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
         if clock and name == clock.name and len(filled) and is_date(filled[0]):
             return np.array(text.fill_null("").to_list())
         text = text.str.replace(",", ".", literal=True) if separator == ";" else text
-        return column_numbers(path, name, text, named)
+        return _column_numbers(path, name, text, named)
 
     return recording_of(replace(header, named=named), fetch, number(options, "rate", 0.0))
 
 
-def column_numbers(path: Path, name: str, text: pl.Series, named: bool) -> Array:
+def _column_numbers(path: Path, name: str, text: pl.Series, named: bool) -> Array:
     import polars as pl
 
     empty = text.is_null() | text.is_in(["", *EMPTY])

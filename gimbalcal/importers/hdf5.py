@@ -39,7 +39,7 @@ def dataset_names(path: Path) -> tuple[str, ...]:
     import h5py
 
     names: list[str] = []
-    with open_file(path) as file:
+    with _open_hdf5(path) as file:
         file.visititems(lambda each, item: names.append(each) if isinstance(item, h5py.Dataset) else None)
     return tuple(name for name in names if not name.startswith("#"))  # MATLAB keeps its own under #refs#
 
@@ -51,7 +51,7 @@ def read_dataset(path: Path, name: str) -> Array | None:
     """
     import h5py
 
-    with open_file(path) as file:
+    with _open_hdf5(path) as file:
         place = name.replace(".", "/").strip("/") or "/"
         _refuse_external_links(path, file, place)
         item = file.get(place)
@@ -86,7 +86,7 @@ def _refuse_external_links(path: Path, file: h5py.File, place: str) -> None:
 
 
 @contextmanager
-def open_file(path: Path) -> Iterator[h5py.File]:
+def _open_hdf5(path: Path) -> Iterator[h5py.File]:
     """Open the file; whatever its content does to the library is raised as one sentence."""
     import h5py
 

@@ -33,7 +33,7 @@ def import_matlab(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
     A column is called by variable, field and index; where each channel has a file of its own, by the name of the file
     (its only variable is meant) or by file and variable, "ax.data".
     """
-    variables = [open_file(path) for path in files]
+    variables = [_open_variables(path) for path in files]
     recording = from_variables(files[0], options, lambda name: _variable(variables, name))
     return replace(recording, source=(*recording.source, *map(Source.of, files[1:])))
 
@@ -58,7 +58,7 @@ def _variable(variables: Sequence[_Variables], name: str) -> tuple[Path, Any]:
     raise InputError(f"no file has a variable {name!r}, and none that holds one variable is called so; {has}")
 
 
-def open_file(path: Path) -> _Variables:
+def _open_variables(path: Path) -> _Variables:
     with path.open("rb") as file:
         start = file.read(520)
     if _HDF5 in (start[:8], start[512:520]):  # MATLAB puts 512 bytes of its own before the signature

@@ -72,7 +72,7 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     stretches = [s for s in _stretches(path) if len(s.frames) >= MIN_FRAMES]
     if not stretches:
         raise InputError(f"{path} is not a PHD2 guide log, or it has no {MIN_FRAMES} frames of the mount in a row")
-    chosen = chosen_stretches(path, options, stretches)
+    chosen = _chosen_stretches(path, options, stretches)
     session = stretches[chosen[0]]
     scale = float(to_si(_header_value(path, session.header, "Pixel scale", "in arc-sec/px"), "arcsec"))
     pointed = _direction(session)
@@ -92,8 +92,8 @@ def import_phd2(files: Sequence[Path], options: Mapping[str, str]) -> Recording:
     time = joined(lambda s: _column(path, s, "Time"))
     if (back := np.flatnonzero(np.diff(time) <= 0)).size:
         raise InputError(f"{path}, line {lines[back[0] + 1]}: the time does not go on; correct or remove the frame")
-    west = joined(lambda s: _column(path, s, "RARawDistance") + pulsed_pixels(path, s, "RA", "xRate", _WESTWARD))
-    north = joined(lambda s: _column(path, s, "DECRawDistance") - pulsed_pixels(path, s, "DEC", "yRate", _NORTHWARD))
+    west = joined(lambda s: _column(path, s, "RARawDistance") + _pulsed_pixels(path, s, "RA", "xRate", _WESTWARD))
+    north = joined(lambda s: _column(path, s, "DECRawDistance") - _pulsed_pixels(path, s, "DEC", "yRate", _NORTHWARD))
     west, north = scale * west, scale * north
     drive = hour + EARTH_RATE * (time - time[0])
     read = {"declination": declination + 0 * time, "hour_angle": drive}
@@ -181,7 +181,7 @@ def _hour_angle(path: Path, pointed: str, latitude: float) -> float:
     return float(about_other_pole(np.array(around), np.array(up), latitude)[0])
 
 
-def chosen_stretches(path: Path, options: Mapping[str, str], stretches: Sequence[_Stretch]) -> list[int]:
+def _chosen_stretches(path: Path, options: Mapping[str, str], stretches: Sequence[_Stretch]) -> list[int]:
     """Return the ordinals of the stretches that were asked for, or of all in the session of most frames."""
     if "stretch" not in options:
         frames = Counter[int]()
@@ -251,7 +251,7 @@ def _column(path: Path, one: _Stretch, name: str, absent: str = "") -> Array:
     return out
 
 
-def pulsed_pixels(path: Path, one: _Stretch, axis: str, rate: str, sense: Mapping[str, float]) -> Array:
+def _pulsed_pixels(path: Path, one: _Stretch, axis: str, rate: str, sense: Mapping[str, float]) -> Array:
     """Return pixels by which pulses before each frame had moved the mount."""
     length, towards = _column(path, one, f"{axis}Duration", "0"), [f.get(f"{axis}Direction", "") for f in one.frames]
     for ms, where, frame, line in zip(length, towards, one.frames, one.lines, strict=True):

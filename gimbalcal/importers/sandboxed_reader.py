@@ -36,12 +36,12 @@ def matlab_variables(path: Path) -> dict[str, Any]:
             return {name: np.asarray(archive[name]) for name in archive.files}
 
 
-def flat_values(name: str, value: Any) -> dict[str, Any]:
+def _flat_values(name: str, value: Any) -> dict[str, Any]:
     import numpy as np
 
     fields = getattr(value, "_fieldnames", None)
     if fields is not None:
-        return {k: v for field in fields for k, v in flat_values(f"{name}.{field}", getattr(value, field)).items()}
+        return {k: v for field in fields for k, v in _flat_values(f"{name}.{field}", getattr(value, field)).items()}
     array = np.asarray(value)
     return {name: array} if array.dtype.kind in "biufcU" else {}
 
@@ -61,7 +61,7 @@ def _main() -> None:
         variables = scipy.io.loadmat(source, struct_as_record=False, squeeze_me=True)
         arrays: dict[str, Any] = {}
         for name, value in variables.items():
-            arrays |= {} if name.startswith("__") else flat_values(name, value)
+            arrays |= {} if name.startswith("__") else _flat_values(name, value)
     except Exception:  # noqa: BLE001  whatever it is, the file is none that can be read
         sys.exit(NOT_READABLE)
     with open(into, "wb") as file:  # noqa: PTH123  savez would add an ending to a name

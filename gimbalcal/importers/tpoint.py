@@ -86,12 +86,12 @@ def import_tpoint(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
 def _by_stars(path: Path, file: _File) -> Recording:
     """Return catalogue and reported right ascension [h] and declination [deg], and the local sidereal time."""
     words = file.rows
-    stars = np.stack([joined_sexagesimal(words[:, i : i + 3]) for i in (0, 3, 6, 9)], axis=1)
+    stars = np.stack([_joined_sexagesimal(words[:, i : i + 3]) for i in (0, 3, 6, 9)], axis=1)
     lst = words[:, 12] + words[:, 13] / 60
     hour, declination = 15 * (lst[:, None] - stars[:, ::2]), stars[:, 1::2]  # columns: catalogue, mount
     time, remarks = elapsed_seconds(path, lst)
     if file.air:
-        hour, declination = raised_by_refraction(hour, declination, file)
+        hour, declination = _raised_by_refraction(hour, declination, file)
     if file.upright:
         true, read = (_horizontal(hour[:, i], declination[:, i], file.site) for i in (0, 1))
         return replace(pointing_run(path, KNOWN["alt-az"], file.site, time, read, true), remarks=remarks)
@@ -131,7 +131,7 @@ def _horizontal(hour: Array, declination: Array, site: Site) -> dict[str, Array]
     return {"elevation": elevation, "azimuth": azimuth}
 
 
-def raised_by_refraction(hour: Array, declination: Array, file: _File) -> tuple[Array, Array]:
+def _raised_by_refraction(hour: Array, declination: Array, file: _File) -> tuple[Array, Array]:
     """Return hour angle and declination [deg] with the catalogue places (first column) raised by refraction."""
     place = _horizontal(hour[:, 0], declination[:, 0], file.site)
     E = np.degrees(place["elevation"])
@@ -148,7 +148,7 @@ def _half_turn(degrees: Array) -> Array:
     return np.asarray((degrees + 180) % 360 - 180)
 
 
-def joined_sexagesimal(words: Array) -> Array:
+def _joined_sexagesimal(words: Array) -> Array:
     """Return sexagesimal columns (n, 3) as one (n,): the sign, also of a minus zero, belongs to the whole."""
     sign = np.where(np.signbit(words[:, 0]), -1.0, 1.0)
     return np.asarray(sign * (np.abs(words) @ np.array([1, 1 / 60, 1 / 3600])))
@@ -159,19 +159,19 @@ def _read(path: Path) -> _File:
     for line, text in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), start=1):
         words = text.replace(",", " ").split()
         end = end or (line if words[:1] == ["END"] else 0)
-        if end and len(leading_numbers(words)) >= _BY_ANGLES:
+        if end and len(_leading_numbers(words)) >= _BY_ANGLES:
             raise InputError(f"{path}, line {line}: a star stands below the END of line {end}; remove one of them")
         if text.strip().startswith(":"):
             upright = _is_upright(path, line, text) or upright
             continue
         if end or not words or text.startswith("!"):
             continue
-        numbers = leading_numbers(words)
+        numbers = _leading_numbers(words)
         if site is None:
             alone = len(words) == len(numbers) == _SEXAGESIMAL and _is_latitude(numbers)  # without a date
             if len(numbers) < _SITE and not alone:  # a caption, though it may begin with a number
                 continue
-            site, air = _site(path, line, [*numbers, *_ANY_DAY] if alone else numbers), refraction_of_air(numbers)
+            site, air = _site(path, line, [*numbers, *_ANY_DAY] if alone else numbers), _refraction_of_air(numbers)
             continue
         if not numbers:
             raise InputError(
@@ -196,7 +196,7 @@ def _is_upright(path: Path, line: int, text: str) -> bool:
     return kind == "ALTAZ"
 
 
-def leading_numbers(words: Sequence[str]) -> list[str]:
+def _leading_numbers(words: Sequence[str]) -> list[str]:
     """Return the words before the first that is no number: a name may follow."""
     stop = next((i for i, word in enumerate(words) if not _NUMBER.match(word)), len(words))
     return list(words[:stop])
@@ -225,7 +225,7 @@ def _observation(path: Path, line: int, text: str, numbers: Sequence[str]) -> li
     )
 
 
-def refraction_of_air(numbers: Sequence[str]) -> float:
+def _refraction_of_air(numbers: Sequence[str]) -> float:
     """Return the refraction at the temperature [degC] and pressure [hPa] of the site, against 1010 hPa and 10 degC."""
     return float(numbers[7]) / 1010 * 283 / (273 + float(numbers[6])) if len(numbers) > 7 else 0.0
 

@@ -98,12 +98,12 @@ def allan_law(tau: Array) -> Array:
 def covariance(c: AllanCurve, square: Array) -> Array:
     """Return the covariance (P, P) of the curve's variances for noise N^2, B^2, K^2 (3,)."""
     return np.asarray(
-        np.einsum("abij,i,j->ab", covariance_forms(tuple(map(int, c.lengths)), c.step, len(c.tau)), square, square)
+        np.einsum("abij,i,j->ab", _covariance_forms(tuple(map(int, c.lengths)), c.step, len(c.tau)), square, square)
     )
 
 
 @lru_cache(maxsize=8)
-def covariance_forms(lengths: tuple[int, ...], step: float, size: int) -> Array:
+def _covariance_forms(lengths: tuple[int, ...], step: float, size: int) -> Array:
     """Return the covariances (P, P, 3, 3) as forms of the squares of the noise, which depend on the stretches alone."""
     out = np.zeros((size, size, TERMS, TERMS))
     known, many = np.unique(lengths, return_counts=True)
@@ -111,11 +111,11 @@ def covariance_forms(lengths: tuple[int, ...], step: float, size: int) -> Array:
         for j in range(i, min(size, i + INDEPENDENT_OCTAVES)):
             d = (j - i) / INDEPENDENT_OCTAVES
             overlap = 1 - 6 * d**2 * (1 - d) if d <= 0.5 else 2 * (1 - d) ** 3
-            out[i, j] = out[j, i] = overlap * covariance_form(2**i, 2**j, known, many, step)
+            out[i, j] = out[j, i] = overlap * _covariance_form(2**i, 2**j, known, many, step)
     return out
 
 
-def covariance_form(a: int, b: int, lengths: Array, many: Array, step: float) -> Array:
+def _covariance_form(a: int, b: int, lengths: Array, many: Array, step: float) -> Array:
     """Return the form (3, 3) of the covariance of the variances at a and b samples, a up to b."""
     block = max(1, a // MIN_SAMPLES_OF_TAU)
     a, b, step = a // block, b // block, block * step
@@ -183,7 +183,7 @@ def _fit(c: AllanCurve, first: int, discrepancy: float = 0.0) -> AllanFit:
     """Fit tau from `first` on, each with a further relative sigma of its variance."""
     active = [0, 1, 2]
     square, C, surprise = _weighted(c, first, active, discrepancy)
-    A = whitened_rows(c, first, C, active)[0]
+    A = _whitened_rows(c, first, C, active)[0]
     most = square + 1.645 * np.sqrt(np.diag(np.linalg.inv(A.T @ A)))
     while len(active) > 1:
         without = {k: _weighted(c, first, [i for i in active if i != k], discrepancy) for k in active}
@@ -192,7 +192,7 @@ def _fit(c: AllanCurve, first: int, discrepancy: float = 0.0) -> AllanFit:
             break
         active.remove(least)
         square, C, surprise = without[least]
-    A, y = whitened_rows(c, first, C, active)
+    A, y = _whitened_rows(c, first, C, active)
     V = np.zeros((TERMS, TERMS))
     V[np.ix_(active, active)] = np.linalg.inv(A.T @ A)
     for k in active if len(active) > 1 else ():
@@ -206,14 +206,14 @@ def _weighted(c: AllanCurve, first: int, active: Sequence[int], discrepancy: flo
     """Return squares (3,) weighted with the covariance that they imply, that covariance, and -2 ln likelihood."""
     A = allan_law(c.tau)
     square = np.zeros(TERMS)
-    square[list(active)] = nonnegative_least_squares(
+    square[list(active)] = _nonnegative_least_squares(
         A[first:, active] / c.variance[first:, None], np.ones(len(A) - first)
     )[0]
     for turn in range(ITERATIONS):
         C = covariance(c, square) + np.diag((discrepancy * c.variance) ** 2)
-        rows, y = whitened_rows(c, first, C, active)
+        rows, y = _whitened_rows(c, first, C, active)
         new = np.zeros(TERMS)
-        new[list(active)], residual = nonnegative_least_squares(rows, y)
+        new[list(active)], residual = _nonnegative_least_squares(rows, y)
         move = np.max(np.abs(A @ (new - square)) / (A @ square))
         square = new if turn == 0 else (square + new) / 2  # half steps oscillate less
         if move < 1e-3:
@@ -221,14 +221,14 @@ def _weighted(c: AllanCurve, first: int, active: Sequence[int], discrepancy: flo
     return square, C, residual**2 + float(np.linalg.slogdet(C[first:, first:])[1])
 
 
-def whitened_rows(c: AllanCurve, first: int, C: Array, active: Sequence[int]) -> tuple[Array, Array]:
+def _whitened_rows(c: AllanCurve, first: int, C: Array, active: Sequence[int]) -> tuple[Array, Array]:
     """Return the law (P, terms) and the curve (P,) whitened by the covariance."""
     L = np.linalg.cholesky(C[first:, first:])
     rows = np.linalg.solve(L, allan_law(c.tau)[first:][:, list(active)])
     return rows, np.linalg.solve(L, c.variance[first:])
 
 
-def nonnegative_least_squares(A: Array, y: Array) -> tuple[Array, float]:
+def _nonnegative_least_squares(A: Array, y: Array) -> tuple[Array, float]:
     """Return the least squares without negative coefficients, and the norm of the residual.
 
     Of the few terms every selection is solved: the optimum is the best of those that have no negative coefficient.

@@ -88,32 +88,32 @@ def estimate_noise(time: Array, A: Array, y: Array, weight: Array, kind: str = "
     """Return the noise of y (n,) about A (n, q), by restricted maximum likelihood; "auto": the kind of best BIC."""
     if kind not in KINDS:
         raise ValueError(f"`kind` must be one of {', '.join(KINDS)}, got {kind!r}")
-    grids, (first, *others) = starting_points(time), KINDS[kind]
-    best, least = best_noise(time, A, y, weight, grids[first], inf)
+    grids, (first, *others) = _starting_points(time), KINDS[kind]
+    best, least = _best_noise(time, A, y, weight, grids[first], inf)
     for k in others:
-        candidate, criterion = best_noise(time, A, y, weight, grids[k], least + MAX_REFINEMENT_GAIN)
+        candidate, criterion = _best_noise(time, A, y, weight, grids[k], least + MAX_REFINEMENT_GAIN)
         if criterion < least:
             best, least = candidate, criterion
     return best
 
 
-def best_noise(time: Array, A: Array, y: Array, weight: Array, grid: Array, bar: float) -> tuple[Noise, float]:
+def _best_noise(time: Array, A: Array, y: Array, weight: Array, grid: Array, bar: float) -> tuple[Noise, float]:
     """Return the best noise of one kind and its BIC, refined from the grid of the kind where that is below the bar."""
     columns, dof = y[:, None], len(y) - A.shape[1]
 
     def criterion(p: Array) -> float:
-        fit = least_squares(time, A, columns, weight, noise_of_parameters(p))
+        fit = least_squares(time, A, columns, weight, _noise_of_parameters(p))
         return float(dof * np.log(max(fit.chi2[0] / dof, MIN_CHI2)) + fit.log_determinant + len(p) * np.log(dof))
 
     start = [criterion(g) for g in grid]
     p = grid[int(np.argmin(start))]
     if p.size and min(start) < bar:
-        p = refined_minimum(criterion, p, grid)
-    chi2 = least_squares(time, A, columns, weight, noise_of_parameters(p)).chi2[0]
-    return noise_of_parameters(p, float(np.sqrt(max(chi2 / dof, MIN_CHI2)))), criterion(p)
+        p = _refined_minimum(criterion, p, grid)
+    chi2 = least_squares(time, A, columns, weight, _noise_of_parameters(p)).chi2[0]
+    return _noise_of_parameters(p, float(np.sqrt(max(chi2 / dof, MIN_CHI2)))), criterion(p)
 
 
-def refined_minimum(criterion: Callable[[Array], float], start: Array, grid: Array) -> Array:
+def _refined_minimum(criterion: Callable[[Array], float], start: Array, grid: Array) -> Array:
     """Return the minimum near a point of the grid."""
     from scipy.optimize import minimize
 
@@ -124,7 +124,7 @@ def refined_minimum(criterion: Callable[[Array], float], start: Array, grid: Arr
     return np.asarray(result.x)
 
 
-def noise_of_parameters(p: Array, sigma: float = 1.0) -> Noise:
+def _noise_of_parameters(p: Array, sigma: float = 1.0) -> Noise:
     """Return white noise for p = (); (log rho,) adds a random walk, (log rho, log tau) a Gauss-Markov process.
 
     rho is the variance of the process (of a walk: per second) over that of the white noise.
@@ -136,7 +136,7 @@ def noise_of_parameters(p: Array, sigma: float = 1.0) -> Noise:
     return (white, RandomWalk(size) if p.size == 1 else GaussMarkov(size, float(np.exp(p[1]))))
 
 
-def starting_points(time: Array) -> Mapping[str, Array]:
+def _starting_points(time: Array) -> Mapping[str, Array]:
     """Return starting points by kind: ratios of process to white variance of 1e-4 to 1e5 per row or run, all tau."""
     step, span = float(np.median(np.diff(time))), float(time[-1] - time[0])
     ratio, tau = np.log(np.geomspace(1e-4, 1e5, 7)), np.log(np.geomspace(step / 2, span, 6))

@@ -45,7 +45,7 @@ def gauss_newton(
         if step == MAX_STEPS or diverged(solution.x):
             break
         if damped or bounds is not None:
-            x, info = damped_step(linearise, info, x, solution.x, bounds, seen)
+            x, info = _damped_step(linearise, info, x, solution.x, bounds, seen)
         else:
             x, info = solution.x, linearise(solution.x)
     return solution, 0
@@ -74,11 +74,11 @@ def solve_about(info: Information, x: Array, bounds: Array | None, seen: float) 
     V, size, Wt = np.linalg.svd(free[:, :-1], full_matrices=False)
     step = Wt.T @ (np.where(size >= seen, 1 / np.maximum(size, seen), 0.0) * (V.T @ free[:, -1]))
     c = np.clip(x[constant] + scale[constant] * step, *bounds[:, constant])
-    target = conditional_solution(info, c, constant, seen)
+    target = _conditional_solution(info, c, constant, seen)
     return replace(solution, x=target, chi2=chi2(info, target))
 
 
-def conditional_solution(info: Information, c: Array, constant: NDArray[np.bool_], seen: float) -> Array:
+def _conditional_solution(info: Information, c: Array, constant: NDArray[np.bool_], seen: float) -> Array:
     """The solution x (p,) with the constants held at c."""
     out = np.zeros(len(constant))
     known = {p: float(v) for p, v in zip(np.array(info.parameters, dtype=object)[constant], c, strict=True)}
@@ -102,7 +102,7 @@ def _is_rounding(info: Information, x: Array, target: Array) -> bool:
     return before - chi2(info, target) <= (2 * before**0.5 + rounding) * rounding
 
 
-def damped_step(
+def _damped_step(
     linearise: Linearise, info: Information, x: Array, target: Array, bounds: Array | None, seen: float
 ) -> tuple[Array, Information]:
     """A step towards the target, halved until chi^2 does not rise, and the rows where it ends.
@@ -116,7 +116,7 @@ def damped_step(
         new = np.where(constant, x + h * (target - x), target)
         there = linearise(new)
         if bounds is not None:
-            new = conditional_solution(there, new[constant], constant, seen)
+            new = _conditional_solution(there, new[constant], constant, seen)
         if chi2(there, new) <= before * (1 + ROUNDING_OF_CHI2) or h <= MIN_DAMPING:
             return new, there if bounds is None else linearise(new)
         h /= 2

@@ -115,7 +115,7 @@ def _filter(
     top, W, old, T_old = np.zeros((n, m)), np.zeros((2 * m, m)), np.zeros(n), np.zeros((n, n))
     one, none, zeros, nothing, square = np.eye(m), np.zeros((n - m, m)), np.zeros((m, m)), np.zeros(m), np.zeros(n)
     Phi_k, Psi_k = np.zeros((m, m)), np.zeros((n - m, m))
-    keep_step(0, m, state, T, square, x, sigma, theta, theta_sigma, cross)
+    _keep_step(0, m, state, T, square, x, sigma, theta, theta_sigma, cross)
     for k in range(K):
         for i in range(m):
             for j in range(m):
@@ -146,7 +146,7 @@ def _filter(
                 zeros[index[c], index[c]] = jump
             if jump > 0:
                 _step(one, none, zeros, nothing, m, state, T, top, W)
-        keep_step(k + 1, m, state, T, square, x, sigma, theta, theta_sigma, cross)
+        _keep_step(k + 1, m, state, T, square, x, sigma, theta, theta_sigma, cross)
 
 
 @compiled
@@ -180,7 +180,7 @@ def _step(Phi: Array, Psi: Array, root: Array, d: Array, m: int, state: Array, T
         for j in range(m):
             W[j, m - 1 - i] = top[j, i]
             W[m + j, m - 1 - i] = root[i, j]
-    triangularise(W)
+    _triangularise(W)
     for j in range(m):
         for i in range(m):
             T[j, i] = W[m - 1 - j, m - 1 - i] if j >= i else 0.0
@@ -190,7 +190,7 @@ def _step(Phi: Array, Psi: Array, root: Array, d: Array, m: int, state: Array, T
 
 
 @compiled
-def triangularise(W: Array) -> None:
+def _triangularise(W: Array) -> None:
     """Reduce W (r, m) to the triangle of its QR, in place, by Householder's reflections."""
     r, m = W.shape
     for c in range(m):
@@ -216,7 +216,7 @@ def triangularise(W: Array) -> None:
 
 
 @compiled
-def keep_step(
+def _keep_step(
     k: int, m: int, state: Array, T: Array, square: Array, x: Array, sigma: Array, theta: Array, theta_sigma: Array,
     cross: Array,
 ) -> None:  # fmt: skip

@@ -107,18 +107,18 @@ def _transitions(
             for c in range(NAV + n_p):
                 e = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
                 if c >= NAV:
-                    e = contribution_of_parameter(mid, D, group[j], c - NAV)
-                advance_errors(M[c], e, f, h, earth)
+                    e = _contribution_of_parameter(mid, D, group[j], c - NAV)
+                _advance_errors(M[c], e, f, h, earth)
             for c in range(NAV):  # S N, then (S N) S^T
                 for i in range(NAV):
                     x[i] = N[i, c]
-                advance_errors(x, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), f, h, earth)
+                _advance_errors(x, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), f, h, earth)
                 for i in range(NAV):
                     N[i, c] = x[i]
             for c in range(NAV):
                 for i in range(NAV):
                     x[i] = N[c, i]
-                advance_errors(x, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), f, h, earth)
+                _advance_errors(x, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), f, h, earth)
                 for i in range(NAV):
                     N[c, i] = x[i]
             for c in range(6):  # and the noise of the six channels
@@ -126,7 +126,7 @@ def _transitions(
                 l = c % 3
                 a = mid[0, l], mid[1, l], mid[2, l]
                 e = (0.0, 0.0, 0.0, a[0], a[1], a[2]) if c < 3 else (a[0], a[1], a[2], 0.0, 0.0, 0.0)
-                advance_errors(x, e, f, h, earth)
+                _advance_errors(x, e, f, h, earth)
                 for i in range(NAV):
                     for l in range(NAV):
                         N[i, l] += q[j, c] * x[i] * x[l]
@@ -142,7 +142,7 @@ def _transitions(
 
 
 @compiled
-def contribution_of_parameter(turn: Array, D: Array, j: int, c: int) -> tuple[float, ...]:
+def _contribution_of_parameter(turn: Array, D: Array, j: int, c: int) -> tuple[float, ...]:
     """Return what a unit of a parameter adds to attitude and velocity over an interval, in n; turn: C_bn times the
     step.
     """
@@ -158,7 +158,7 @@ def contribution_of_parameter(turn: Array, D: Array, j: int, c: int) -> tuple[fl
 
 
 @compiled
-def advance_errors(x: Array, e: tuple[float, ...], f: tuple[float, ...], h: float, earth: tuple[float, ...]) -> None:
+def _advance_errors(x: Array, e: tuple[float, ...], f: tuple[float, ...], h: float, earth: tuple[float, ...]) -> None:
     """Advance the navigation errors x (9,) over an interval at rest, in place, to second order.
 
     e (6,): angle and velocity that errors of the sensors add; f (3,): velocity that the force gained in h [s].

@@ -103,7 +103,7 @@ def navigate(
     ValueError for rows too widely spaced for the height's loop.
     """
     time, force = np.asarray(time, dtype=float), np.ascontiguousarray(force, dtype=float)
-    step = interval_lengths(time)
+    step = _interval_lengths(time)
     if step.max() > MAX_STEP_RATIO * aids.height_s:
         raise ValueError(f"steps up to {step.max():g} s need `height_s` of {step.max() / MAX_STEP_RATIO:g} s or more")
     n = len(time)
@@ -113,7 +113,7 @@ def navigate(
     r, v = _at_rest(site, first)
     v += _north_east(site.latitude, first).T @ np.asarray(start)
     out = np.empty((n, 5))
-    run_loop(step, force, r, v, *loop_constants(site, aids), v_ref, h_ref, out)
+    _run_loop(step, force, r, v, *_loop_constants(site, aids), v_ref, h_ref, out)
     return NavigatorOutput(time, out[:, 0], np.unwrap(out[:, 1]), out[:, 2], out[:, 3:])
 
 
@@ -130,10 +130,10 @@ def course_deviation(
     x being place and velocity (6, p), o what the navigator says, and A to D the derivative of its own row: p errors at
     once. Returns latitude, S and height (n, p), velocity (n, 2, p).
     """
-    step = interval_lengths(np.asarray(time, dtype=float))
+    step = _interval_lengths(np.asarray(time, dtype=float))
     begin = np.cumsum(step) - step - step[0] / 2
     lengths, which = np.unique(np.round(step, MICROSECOND), return_inverse=True)
-    slopes = [step_derivative(float(h), site, aids) for h in lengths]
+    slopes = [_step_derivative(float(h), site, aids) for h in lengths]
     f = frame_rotation("z", site.phase + EARTH_RATE * begin) @ force
     now, out = np.zeros((9, len(phase))), np.empty((len(step), 5, len(phase)))
     r, v = _at_rest(site, 0.0)
@@ -145,7 +145,7 @@ def course_deviation(
     return NavigatorOutput(time, out[:, 0], out[:, 1], out[:, 2], out[:, 3:])
 
 
-def step_derivative(step: float, site: InertialSite, aids: Aids) -> Array:
+def _step_derivative(step: float, site: InertialSite, aids: Aids) -> Array:
     """Return the derivative (11, 9) of place and velocity after a row, and of what it says, by place, velocity before
     and force.
 
@@ -153,12 +153,12 @@ def step_derivative(step: float, site: InertialSite, aids: Aids) -> Array:
     """
     turn, towards = EARTH_RATE * step, np.array([np.cos(site.latitude), 0.0, np.sin(site.latitude)])
     force = site.gravity * frame_rotation("z", -turn / 2) @ towards
-    still, loops = np.concatenate([*_at_rest(site, 0.0), force]), loop_constants(site, aids)
+    still, loops = np.concatenate([*_at_rest(site, 0.0), force]), _loop_constants(site, aids)
 
     def row(given: Array) -> Array:
         r, v, f = given.reshape(3, 3)
         out = np.empty((1, 5))
-        after = run_loop(np.array([step]), f[None], r, v, *loops, np.zeros((1, 2)), np.array([site.height]), out)
+        after = _run_loop(np.array([step]), f[None], r, v, *loops, np.zeros((1, 2)), np.array([site.height]), out)
         return np.concatenate([after, out[0]])
 
     slope = np.stack([(row(still + e) - row(still - e)) / (2 * e.sum()) for e in np.diag(DERIVATIVE_STEPS)], axis=-1)
@@ -166,7 +166,7 @@ def step_derivative(step: float, site: InertialSite, aids: Aids) -> Array:
     return np.asarray(slope)
 
 
-def loop_constants(site: InertialSite, aids: Aids) -> tuple[Array, float, float, float]:
+def _loop_constants(site: InertialSite, aids: Aids) -> tuple[Array, float, float, float]:
     """Return gravity with its slopes, the damping rate and both rates of the height loop, as `run_loop` takes them."""
     towards_pole, upwards = _gravity_slopes(site)
     gravity = np.array([site.gravity, site.latitude, towards_pole, site.height, upwards])
@@ -174,7 +174,7 @@ def loop_constants(site: InertialSite, aids: Aids) -> tuple[Array, float, float,
     return gravity, 2 * aids.damping * schuler_rate(site), 2 / aids.height_s, 1 / aids.height_s**2 - upwards
 
 
-def interval_lengths(time: Array) -> Array:
+def _interval_lengths(time: Array) -> Array:
     """Return the time (n,) [s] that each row stands for: up to halfway to its neighbours, the ends as long as next to
     them.
     """
@@ -206,7 +206,7 @@ def _north_east(latitude: float, phase: float) -> Array:
 
 
 @interpreted_first(MIN_COMPILED_ROWS)
-def run_loop(
+def _run_loop(
     step: Array, force: Array, r: Array, v: Array, gravity: Array, damping: float, c1: float, c2: float, v_ref: Array,
     h_ref: Array, out: Array,
 ) -> tuple[float, ...]:  # fmt: skip

@@ -110,7 +110,7 @@ class _NavigatorInput(NamedTuple):
 
 def _navigator_input(run: Recording, aids: Aids) -> _NavigatorInput:
     force = run.triad(FORCE) * (1 + mean_shortening(run)[:, None] * EQUATORIAL)  # means have lost some of a turn
-    return _NavigatorInput(_site(run, aids.alignment), *without_long_steps(run.time - run.time[0], force))
+    return _NavigatorInput(_site(run, aids.alignment), *_without_long_steps(run.time - run.time[0], force))
 
 
 def with_inner(recording: Recording) -> Recording:
@@ -131,7 +131,7 @@ def _site(run: Recording, alignment: float) -> InertialSite:
     return InertialSite(required_latitude(run.site.latitude), run.site.height, run.site.gravity, phase)
 
 
-def without_long_steps(time: Array, force: Array) -> tuple[Array, Array, Array]:
+def _without_long_steps(time: Array, force: Array) -> tuple[Array, Array, Array]:
     """Return time and force (m, 3) without steps longer than `MAX_STEP_S`, and the indices (n,) of the given rows.
 
     Between rows the force is interpolated in axes that turn with the Earth, in which it hardly changes.

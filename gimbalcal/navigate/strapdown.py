@@ -86,7 +86,7 @@ def integrated_attitudes(dt: Array, rate: Array) -> Array:
     alone.
     """
     out = np.empty((len(dt) + 1, 3, 3))
-    carry_attitudes(*contiguous(dt, rate), out)
+    _carry_attitudes(*contiguous(dt, rate), out)
     return out
 
 
@@ -136,7 +136,7 @@ def _navigate_aided(
 
 
 @compiled
-def carry_attitudes(dt: Array, rate: Array, C: Array) -> None:
+def _carry_attitudes(dt: Array, rate: Array, C: Array) -> None:
     now = np.eye(3)
     C[0] = now
     for k in range(len(dt)):
@@ -146,7 +146,7 @@ def carry_attitudes(dt: Array, rate: Array, C: Array) -> None:
             c = h * h / (6 * (dt[k - 1] + h))
             ox, oy, oz = rate[k - 1, 0] * c, rate[k - 1, 1] * c, rate[k - 1, 2] * c
             ax, ay, az = ax + oy * az - oz * ay, ay + oz * ax - ox * az, az + ox * ay - oy * ax
-        s1, s2, _ = rotation_series(ax * ax + ay * ay + az * az)
+        s1, s2, _ = _rotation_series(ax * ax + ay * ay + az * az)
         _turn_right(now, ax, ay, az, s1, s2)
         C[k + 1] = now
 
@@ -171,7 +171,7 @@ def advance(
         sz = ox * by - oy * bx + ux * ay - uy * ax
         ax, ay, az = ax + oy * az - oz * ay, ay + oz * ax - ox * az, az + ox * ay - oy * ax
     t = ax * ax + ay * ay + az * az
-    s1, s2, s3 = rotation_series(t)  # sin x / x, (1 - cos x) / x^2, (1 - sin x / x) / x^2
+    s1, s2, s3 = _rotation_series(t)  # sin x / x, (1 - cos x) / x^2, (1 - sin x / x) / x^2
     xx, xy, xz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     yx, yy, yz = ay * xz - az * xy, az * xx - ax * xz, ax * xy - ay * xx
     wx, wy, wz = bx + 2 * xx / 3, by + 2 * xy / 3, bz + 2 * xz / 3  # what the turn of the frame acts on
@@ -213,13 +213,13 @@ def advance(
     v[2] += dd
     _turn_right(C, ax, ay, az, s1, s2)
     t = zn * zn + ze * ze + zd * zd
-    s1, s2, s3 = rotation_series(t)
+    s1, s2, s3 = _rotation_series(t)
     _turn_left(C, -zn, -ze, -zd, s1, s2)
     return fn, fe, fd
 
 
 @compiled
-def rotation_series(t: float) -> tuple[float, float, float]:
+def _rotation_series(t: float) -> tuple[float, float, float]:
     if t < 0.02:  # the next terms are below 1e-17
         s1 = 1 - t / 6 * (1 - t / 20 * (1 - t / 42 * (1 - t / 72)))
         s2 = 0.5 * (1 - t / 12 * (1 - t / 30 * (1 - t / 56 * (1 - t / 90))))

@@ -76,7 +76,7 @@ def thinned_intervals(recording: Recording, block: float) -> Intervals:
     n = len(dt)
     first = np.arange(0, n, several)
     whole = np.diff(np.append(first, n))
-    steady = has_constant_rate(run.triad(RATE), dt, first)
+    steady = _has_constant_rate(run.triad(RATE), dt, first)
     alone = steady & np.append(steady[1:], True) & np.append(True, steady[:-1])
     begin = np.concatenate([np.flatnonzero(~np.repeat(alone, whole)), first[alone]])
     begin.sort()
@@ -99,7 +99,7 @@ def _means(run: Recording, dt: Array, begin: Array, steady: bool) -> Intervals:
     return Intervals(rows, length, steady)
 
 
-def has_constant_rate(rate: Array, dt: Array, first: Array) -> Array:
+def _has_constant_rate(rate: Array, dt: Array, first: Array) -> Array:
     """Return whether the rate is constant in each block (k,), by the angle turned."""
     turned, time = np.cumsum(rate * dt[:, None], axis=0), np.cumsum(dt)
     before, start = turned[first] - rate[first] * dt[first, None], time[first] - dt[first]
@@ -160,7 +160,7 @@ def navigate_intervals(intervals: Intervals, rows: Recording, aids: Aids, label:
             f"{rows.title!r} lasts {end[-1]:.4g} s and is aligned in the first {aids.alignment:g} s of it; give "
             "--alignment minutes that leave something to navigate, and ten rows or more to align with"
         )
-    place = place_function(intervals)
+    place = _place_function(intervals)
     base = place(end[:first]).mean(axis=0)
     site = InertialSite(base[0], base[2], rows.site.gravity, 0.0)
     at = np.array([site.latitude, 0.0, site.height])
@@ -179,7 +179,7 @@ def navigate_intervals(intervals: Intervals, rows: Recording, aids: Aids, label:
     error[:, :2] = motion.position[:, :2] - true[:, :2]
     if not has_reference_position(rows):
         error[:, 2:4] = motion.velocity[:, :2]
-    if is_at_rest(intervals):
+    if _is_at_rest(intervals):
         error[:, 4:] = rotation_vector(motion.C_bn @ motion.C_bn[0].T)  # about north, east and down, since the start
     return Navigated(
         label, np.append(0.0, since[every]), error, horizontal_distance(error, site), mechanisation="strapdown"
@@ -220,7 +220,7 @@ def _in_carried_axes(dt: Array, rate: Array, force: Array, site: InertialSite) -
     return rotation_between(velocity, wanted)
 
 
-def is_at_rest(intervals: Intervals) -> bool:
+def _is_at_rest(intervals: Intervals) -> bool:
     """Return whether a unit is at rest all the time, so that its true attitude is constant."""
     force, rate = intervals.rows.triad(FORCE), intervals.rows.triad(RATE)
     slow = np.linalg.norm(np.average(rate, axis=0, weights=intervals.dt)) < MAX_REST_EARTH_RATES * EARTH_RATE
@@ -248,7 +248,7 @@ def has_reference_position(recording: Recording) -> bool:
     return all(recording.has(quantity) for quantity in REFERENCE)
 
 
-def place_function(intervals: Intervals) -> Callable[[Array], Array]:
+def _place_function(intervals: Intervals) -> Callable[[Array], Array]:
     """Return a function of time [s]: true latitude, longitude and height (n, 3), of the reference or the site."""
     site, end = intervals.rows.site, np.cumsum(intervals.dt)
     if not has_reference_position(intervals.rows):

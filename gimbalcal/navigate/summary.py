@@ -97,7 +97,7 @@ class NavigationSummary(Displayed):
         figure, axes = panels([f"{name} [{unit}]" for name, unit in _DRAWN])
         for i, ax in enumerate(axes):
             for run in self.runs:
-                ax.plot(run.time / HOUR, drawn_errors(run, i), lw=1, label=run.label)
+                ax.plot(run.time / HOUR, _drawn_errors(run, i), lw=1, label=run.label)
             ax.set_xlabel("time [h]", fontsize=8)
         axes[0].legend(fontsize=7)
         return figure
@@ -120,7 +120,7 @@ class NavigationSummary(Displayed):
         for run in reversed(self.runs):
             for i, (name, _) in enumerate(_DRAWN):
                 key = name if run is self.runs[-1] else f"{name}, {run.label}"
-                values = drawn_errors(run, i)[rows]
+                values = _drawn_errors(run, i)[rows]
                 if np.all(np.isfinite(values)):
                     out[key] = values.tolist()
         return out
@@ -181,7 +181,7 @@ def summary(runs: Sequence[Navigated], aids: Aids, provenance: NavigationInputs,
     )
 
 
-def drawn_errors(run: Navigated, i: int) -> Array:
+def _drawn_errors(run: Navigated, i: int) -> Array:
     """Return the errors (n,) of entry i of `_DRAWN`, in its unit; nan where the truth is not known."""
     if i == 0:
         return run.position / NAUTICAL_MILE

@@ -81,8 +81,8 @@ def before_and_after(
             linear, sampled = sigma_bands(recording, calibration, aids, samples, seed, drawn)
             result = replace(
                 result,
-                linear=interpolated_sigma(result.time, *linear),
-                sampled=interpolated_sigma(result.time, *sampled),
+                linear=_interpolated_sigma(result.time, *linear),
+                sampled=_interpolated_sigma(result.time, *sampled),
             )
         out.append(result)
     return tuple(out)
@@ -100,15 +100,15 @@ def sigma_bands(
     """
     thin = _thinned_run(recording)
     time = thin.error(thin.rows, aids).time
-    return (time, propagated_sigma(thin, calibration, aids)), (
+    return (time, _propagated_sigma(thin, calibration, aids)), (
         time,
-        sampled_sigma(thin, calibration, aids, samples, seed, drawn),
+        _sampled_sigma(thin, calibration, aids, samples, seed, drawn),
     )
 
 
 def position_uncertainty(recording: Recording, calibration: Calibration, aids: Aids = USUAL) -> float:
     """Return the largest one sigma of the horizontal position [m] by the uncertainty of a calibration, propagated."""
-    sigma, place = propagated_sigma(_thinned_run(recording), calibration, aids), recording.site
+    sigma, place = _propagated_sigma(_thinned_run(recording), calibration, aids), recording.site
     return float(
         horizontal_distance(
             sigma, InertialSite(required_latitude(place.latitude), place.height, place.gravity, 0.0)
@@ -175,7 +175,7 @@ def _sensitivity(
     return np.stack(odd, axis=-1)
 
 
-def propagated_sigma(thin: _ThinnedRun, calibration: Calibration, aids: Aids) -> Array:
+def _propagated_sigma(thin: _ThinnedRun, calibration: Calibration, aids: Aids) -> Array:
     """Return one sigma (m, 7) by the derivative."""
     sigma = calibration.sigmas
     uncertain = np.flatnonzero(sigma > 0)
@@ -187,7 +187,7 @@ def propagated_sigma(thin: _ThinnedRun, calibration: Calibration, aids: Aids) ->
     return np.asarray(np.sqrt(np.maximum(np.einsum("ncp,pq,ncq->nc", D, correlation, D), 0.0)))
 
 
-def sampled_sigma(
+def _sampled_sigma(
     thin: _ThinnedRun, calibration: Calibration, aids: Aids, samples: int, seed: int, drawn: Callable[[int], None]
 ) -> Array:
     """Return one sigma (m, 7) of errors with drawn parameters about the one with estimated parameters."""
@@ -207,5 +207,5 @@ def sampled_sigma(
     return np.asarray(np.sqrt(squares / samples))
 
 
-def interpolated_sigma(time: Array, t: Array, sigma: Array) -> Array:
+def _interpolated_sigma(time: Array, t: Array, sigma: Array) -> Array:
     return np.stack([np.interp(time, t, column) for column in sigma.T], axis=-1)

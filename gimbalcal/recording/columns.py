@@ -145,18 +145,18 @@ def _column(document: Document, name: str, entry: object, platform: Platform, th
         raise InputError(f"{where}: column {name!r} is a {quantity}; of = {entry['of']!r} is for a sigma alone")
     if "unit" not in entry:
         raise InputError(
-            f'{where}: column {name!r} has no unit; write, for example, unit = "{example_column(quantity)}"'
+            f'{where}: column {name!r} has no unit; write, for example, unit = "{_example_column(quantity)}"'
         )
     if quantity == "time" and names_iso(entry["unit"]):
         return Column(name, quantity, "", "s", dated=True, regular=regular)
     of = str(entry.get("of", ""))
     unit = document.unit(where, f"column {name!r}", entry["unit"], of or quantity)
     resolution = _resolution(where, name, quantity, entry.get("resolution", 0.0))
-    sign = sign_of_column(where, name, quantity, entry.get("sign", 1))
+    sign = _sign_of_column(where, name, quantity, entry.get("sign", 1))
     return Column(name, quantity, axis, unit, resolution=resolution, regular=regular, sign=sign, sensor=sensor, of=of)
 
 
-def sign_of_column(where: str, name: str, quantity: str, value: object) -> int:
+def _sign_of_column(where: str, name: str, quantity: str, value: object) -> int:
     """Return -1 for what counts backwards."""
     if isinstance(value, bool) or value not in (1, -1) or (value == -1 and quantity not in SIGNED):
         raise InputError(
@@ -236,7 +236,7 @@ def _check_axis(
     )
 
 
-def example_column(quantity: str) -> str:
+def _example_column(quantity: str) -> str:
     examples = {
         "time": "s",
         "specific_force": "m/s^2",

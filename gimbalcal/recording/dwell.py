@@ -160,7 +160,7 @@ def in_blocks(recording: Recording, count: int) -> Recording:
 
 def _means(recording: Recording, stretches: Sequence[Dwell], position: NDArray[np.int64] | None) -> Recording:
     def mean(values: Array, angle: bool = False) -> Array:
-        return np.array([weighted_mean(values[d.rows], recording.weight[d.rows], angle) for d in stretches])
+        return np.array([_weighted_mean(values[d.rows], recording.weight[d.rows], angle) for d in stretches])
 
     return replace(
         recording,
@@ -172,7 +172,7 @@ def _means(recording: Recording, stretches: Sequence[Dwell], position: NDArray[n
     )
 
 
-def weighted_mean(values: Array, weight: Array, angle: bool) -> float:
+def _weighted_mean(values: Array, weight: Array, angle: bool) -> float:
     first = float(values[0])
     off = values - first
     if angle:

@@ -49,8 +49,8 @@ def from_frame(
     content: dict[str, Any] = {
         "format": 1, "kind": kind, "title": title, "date": date,
         "platform": {"name": platform} if isinstance(platform, str) else dict(platform),
-        "site": {key: stated_unit(key, entry) for key, entry in (site or {}).items()},
-        "noise": {key: stated_unit(key, entry) for key, entry in (noise or {}).items()},
+        "site": {key: _stated_unit(key, entry) for key, entry in (site or {}).items()},
+        "noise": {key: _stated_unit(key, entry) for key, entry in (noise or {}).items()},
         "columns": {name: _entry(name, entry) for name, entry in columns.items()},
         **({"samples": {"rates": "instant"}} if instant else {}),
     }  # fmt: skip
@@ -73,9 +73,9 @@ def described_columns(frame: Any, columns: Mapping[str, Entry]) -> dict[str, Col
 
 
 def _refuse_missing(frame: Any, columns: Mapping[str, Entry]) -> None:
-    missing = [name for name in columns if name not in column_names(frame)]
+    missing = [name for name in columns if name not in _column_names(frame)]
     if missing:
-        raise InputError(f"the frame has no column {missing[0]!r}; it has {', '.join(map(str, column_names(frame)))}")
+        raise InputError(f"the frame has no column {missing[0]!r}; it has {', '.join(map(str, _column_names(frame)))}")
 
 
 def from_arrays(
@@ -141,7 +141,7 @@ def _entry(name: str, entry: Entry) -> dict[str, Any]:
     return _table(match["quantity"], match["axis"] or "", units)
 
 
-def stated_unit(key: str, entry: Any) -> dict[str, Any]:
+def _stated_unit(key: str, entry: Any) -> dict[str, Any]:
     try:
         value, unit = entry
     except (TypeError, ValueError):
@@ -149,7 +149,7 @@ def stated_unit(key: str, entry: Any) -> dict[str, Any]:
     return {"value": value.item() if isinstance(value, np.number) else value, "unit": unit}
 
 
-def column_names(frame: Any) -> Sequence[Any]:
+def _column_names(frame: Any) -> Sequence[Any]:
     return list(frame.keys() if isinstance(frame, Mapping) else frame.columns)
 
 

@@ -118,12 +118,12 @@ def _header(document: Document, samples: Path, clock_needed: bool = True, platfo
         noise_of=_noise_of(document, kind, columns),
         columns=columns,
         remarks=document.remarks + remarks,
-        corrected=applied_calibrations(document),
-        instant=states_the_instant(document, columns),
+        corrected=_applied_calibrations(document),
+        instant=_states_the_instant(document, columns),
     )
 
 
-def applied_calibrations(document: Document) -> tuple[str, ...]:
+def _applied_calibrations(document: Document) -> tuple[str, ...]:
     """Return the calibrations that `corrected` names."""
     names = document.content.get("corrected", [])
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
@@ -131,7 +131,7 @@ def applied_calibrations(document: Document) -> tuple[str, ...]:
     return tuple(names)
 
 
-def states_the_instant(document: Document, columns: tuple[Column, ...]) -> bool:
+def _states_the_instant(document: Document, columns: tuple[Column, ...]) -> bool:
     """Return whether [samples] states readings of the instant, not means over the interval that ends at the row."""
     table = document.content.get("samples")
     if not isinstance(table, dict):
@@ -159,7 +159,7 @@ def _samples(document: Document, folder: Path) -> Path:
     if not isinstance(name, str) or not name:
         raise InputError(f'{where}: samples must be the name of a file, as in samples = "samples.csv", got {name!r}')
     path = folder / name
-    inside = lies_in_folder(path, folder)
+    inside = _lies_in_folder(path, folder)
     if inside is None or PureWindowsPath(name).drive or "\\" in name:
         raise InputError(
             f"{where}: samples = {shortened_text(repr(name))} is no name of a file here; put the file into the folder "
@@ -178,7 +178,7 @@ def _samples(document: Document, folder: Path) -> Path:
     return path
 
 
-def lies_in_folder(path: Path, folder: Path) -> bool | None:
+def _lies_in_folder(path: Path, folder: Path) -> bool | None:
     """Return whether `path`, links followed, lies in `folder`; None if it is no path (too long, a link to itself)."""
     try:
         with suppress(FileNotFoundError, NotADirectoryError):
@@ -242,7 +242,7 @@ def _noise(
     noise = {}
     for sensor, entry in table.items():
         if sensor in COLOURED:
-            noise[sensor] = coloured_noise_size(document, heading, sensor, entry)
+            noise[sensor] = _coloured_noise_size(document, heading, sensor, entry)
             continue
         noise[sensor] = document.number(heading, sensor, entry, SENSORS[sensor])
         where = document.where(heading, sensor)
@@ -257,7 +257,7 @@ def _noise(
     return noise
 
 
-def coloured_noise_size(document: Document, heading: str, key: str, entry: object) -> float:
+def _coloured_noise_size(document: Document, heading: str, key: str, entry: object) -> float:
     """Return the size of a coloured noise."""
     size = document.number(heading, key, entry, COLOURED[key][1])
     if size < 0 or (not size and key.endswith("_tau")):

@@ -38,7 +38,7 @@ def join(sessions: Sequence[Recording]) -> Recording:
     common = [key for key in first.channels if all(key in r.channels for r in sessions)]
     dropped = sorted({" ".join(key).strip() for r in sessions for key in r.channels if key not in common})
     remarks = (f"only in some of the sessions, and left out: {', '.join(dropped)}",) if dropped else ()
-    noise = shared_rms([r.noise for r in sessions])
+    noise = _shared_rms([r.noise for r in sessions])
     return replace(
         first,
         title=" and ".join(dict.fromkeys(r.title for r in sessions)),
@@ -49,11 +49,11 @@ def join(sessions: Sequence[Recording]) -> Recording:
         channels={key: np.concatenate([r.channels[key] for r in sessions]) for key in common},
         source=tuple(s for r in sessions for s in r.source),
         weight=np.concatenate(
-            [r.weight * share for r, share in zip(sessions, session_weights(sessions, noise), strict=True)]
+            [r.weight * share for r, share in zip(sessions, _session_weights(sessions, noise), strict=True)]
         ),
         other_sensors=(),
         units={key: unit for key, unit in first.units.items() if key in common},
-        scatter=shared_rms([r.scatter for r in sessions]),
+        scatter=_shared_rms([r.scatter for r in sessions]),
         remarks=(*(remark for r in sessions for remark in r.remarks), *remarks, remark),
         restarts=restarts,
     )
@@ -99,7 +99,7 @@ class _Begun(NamedTuple):
     exact: bool
 
 
-def start_of_session(r: Recording) -> _Begun | None:
+def _start_of_session(r: Recording) -> _Begun | None:
     """Return the start of a session by the dates of its clock, seconds since 1970, or the header's date."""
     if r.epoch is not None:
         return _Begun(r.epoch + float(r.time[0]), exact=True)
@@ -113,10 +113,10 @@ def start_of_session(r: Recording) -> _Begun | None:
 
 def _clock(sessions: Sequence[Recording]) -> tuple[Sequence[Recording], Array, tuple[float, ...], str]:
     """Return the sessions in order, continued times (n,), those at which a clock begins anew, and a remark."""
-    begun = [(b, r) for r in sessions if (b := start_of_session(r)) is not None]
+    begun = [(b, r) for r in sessions if (b := _start_of_session(r)) is not None]
     if len(begun) == len(sessions):
         begun.sort(key=lambda each: each[0].at)
-        if all(session_follows(*a, b) for a, (b, _) in pairwise(begun)):
+        if all(_session_follows(*a, b) for a, (b, _) in pairwise(begun)):
             shift = [b.at - float(r.time[0]) for b, r in begun]
             time = np.concatenate([r.time + (s - shift[0]) for s, (_, r) in zip(shift, begun, strict=True)])
             coarse = "" if all(b.exact for b, _ in begun) else ", which are good to a day"
@@ -137,7 +137,7 @@ UNKNOWN = (
 )
 
 
-def session_follows(a: _Begun, r: Recording, b: _Begun) -> bool:
+def _session_follows(a: _Begun, r: Recording, b: _Begun) -> bool:
     """Return whether a session that began at b began after the end of one r that began at a."""
     certain = (a.exact and b.exact) or a.at // SOLAR_DAY < b.at // SOLAR_DAY
     return certain and a.at + float(r.time[-1] - r.time[0]) < b.at
@@ -153,14 +153,14 @@ def _numbered_on(sessions: Sequence[Recording]) -> Array | None:
     return np.concatenate(parts)
 
 
-def session_weights(sessions: Sequence[Recording], noise: Mapping[str, float]) -> list[float]:
+def _session_weights(sessions: Sequence[Recording], noise: Mapping[str, float]) -> list[float]:
     """Return the weight of a row of each session, where they state different noise."""
     sensor = sessions[0].kind.measured_by
     common = noise.get(sensor, 0.0)
     return [(common / r.noise[sensor]) ** 2 if common and r.noise[sensor] != common else 1.0 for r in sessions]
 
 
-def shared_rms(values: Sequence[Mapping[Name, float]]) -> dict[Name, float]:
+def _shared_rms(values: Sequence[Mapping[Name, float]]) -> dict[Name, float]:
     """Return the rms of the values that every session has."""
     return {
         name: float(np.sqrt(np.mean([each[name] ** 2 for each in values])))

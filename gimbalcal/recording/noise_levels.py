@@ -16,9 +16,8 @@ from gimbalcal.recording.record import COLOURED, SENSORS, Key, Recording
 from gimbalcal.units import to_si
 
 TAU = HOUR
-FLICKER_OCTAVES = (
-    3.0  # octaves between the time constants of a flicker: its spectrum is right within 7 %, with few states
-)
+# octaves between the time constants of a flicker: its spectrum is right within 7 %, with few states
+FLICKER_OCTAVES = 3.0
 
 SETTING_SIGMA_RAD = float(to_si(1.0, "arcsec"))  # repeatability of a good gimbal, where nobody states it
 

@@ -163,11 +163,11 @@ def _rows(
     header, whole = increments.header, increments.whole(whole)
     checks = StreamChecks(header, whole, dropouts)
     if not header.kind.in_positions or header.column("position"):
-        table, scatter = gather_rows(stream, header.columns, checks, average_s, rests)
+        table, scatter = _gather_rows(stream, header.columns, checks, average_s, rests)
         regular_clock = () if average_s or rests > 1 else _on_a_regular_clock(increments, table, checks)
         return header.columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), *regular_clock)
     columns = (*header.columns, _DETECTED)
-    table, _ = gather_rows(stream, header.columns, checks, None)
+    table, _ = _gather_rows(stream, header.columns, checks, None)
     forces = [c for c in checks.sensors if c.quantity == "specific_force"]
     sensors = {c.name: table[c.name] for c in forces or checks.sensors}
     gyros = [c for c in checks.sensors if c.quantity == "angular_rate" and forces]
@@ -186,7 +186,7 @@ def _rows(
     )
     numbered = StreamChecks(replace(header, columns=columns), whole, dropouts)
     numbered.sensors, numbered.angles = [], []  # they have passed
-    table, scatter = gather_rows([table], columns, numbered, average_s)
+    table, scatter = _gather_rows([table], columns, numbered, average_s)
     regular_clock = () if average_s else _on_a_regular_clock(increments, table, checks)
     return columns, table, scatter, (*dropouts.remarks(), *checks.remarks(), remark, *regular_clock)
 
@@ -224,7 +224,7 @@ def _on_a_regular_clock(increments: Increments, table: dict[str, Array], checks:
     return (f"{what}, and that clock is used; regular = false in [columns] keeps the stamps",)
 
 
-def gather_rows(
+def _gather_rows(
     stream: Iterable[Batch], columns: tuple[Column, ...], checks: StreamChecks, average_s: float | None, rests: int = 1
 ) -> tuple[dict[str, Array], dict[str, float]]:
     """Check every row and keep it, whole or in means; return the columns and the scatter."""

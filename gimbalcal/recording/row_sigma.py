@@ -33,7 +33,7 @@ def by_sigma(header: Header, stream: Iterable[Batch], dropouts: Dropouts) -> tup
     column = header.column("sigma")
     if column is None:
         return header, iter(stream)
-    place, sensor = f"{header.path}, column {column.name}", sensor_of_quantity(column.of)
+    place, sensor = f"{header.path}, column {column.name}", _sensor_of_quantity(column.of)
     if not header.kind.weighed:
         raise InputError(f"{place}: the rows of a {header.kind} recording all weigh alike; leave the sigma out")
     if not header.column(column.of):
@@ -67,6 +67,6 @@ def by_sigma(header: Header, stream: Iterable[Batch], dropouts: Dropouts) -> tup
     return replace(header, columns=(*kept, WEIGHT), noise=noise), weighed()
 
 
-def sensor_of_quantity(of: str) -> str:
+def _sensor_of_quantity(of: str) -> str:
     """Return the word of [noise] that speaks of a quantity; the noise of a star is that of its readout."""
     return SENSOR_OF.get(of, "gimbal_angle")

@@ -53,14 +53,14 @@ def batches(
         with redirect_messages():
             present = lazy.collect_schema()
         check_names(path, names, present)
-        dated = clock is not None and clock.name in names and holds_dates(path, clock, present[clock.name], named)
+        dated = clock is not None and clock.name in names and _holds_dates(path, clock, present[clock.name], named)
         plain = [name for name in names if not (dated and clock and name == clock.name)]
         check_types(path, plain, present)
         columns = [_numbers(name, present[name], path) if name in plain else pl.col(name) for name in names]
         for frame, following in pairwise(chain(_frames(lazy.select(columns), path), [None])):
             if frame is None:
                 break
-            batch = _arrays(frame, end or not is_blank(following))
+            batch = _arrays(frame, end or not _is_blank(following))
             if dated and clock:
                 seconds = dates.seconds(frame[clock.name][: len(batch[names[0]])])
                 batch = {**batch, clock.name: from_si(seconds, clock.unit)}
@@ -176,7 +176,7 @@ def _numbers(name: str, dtype: pl.DataType, path: Path) -> pl.Expr:
     return each.cast(pl.Float64).alias(name)
 
 
-def holds_dates(path: Path, clock: Column, dtype: pl.DataType, named: bool) -> bool:
+def _holds_dates(path: Path, clock: Column, dtype: pl.DataType, named: bool) -> bool:
     """Return whether the clock holds dates; `InputError` where it holds numbers and the header says dates."""
     import polars as pl
 
@@ -198,7 +198,7 @@ def holds_dates(path: Path, clock: Column, dtype: pl.DataType, named: bool) -> b
     return dated
 
 
-def is_blank(frame: pl.DataFrame | None) -> bool:
+def _is_blank(frame: pl.DataFrame | None) -> bool:
     """Return whether nothing is in a frame, or none follows."""
     return frame is None or all(frame[name].null_count() == frame.height for name in frame.columns)
 

@@ -55,16 +55,16 @@ def _columns(recording: Recording) -> dict[str, _Written]:
     """Return every column but time, position and weight, by its name: those of all sensors, what they share once."""
     out = {}
     for key, name in _names(recording).items():
-        shared = all(is_same_column(recording, other, key) for other in recording.other_sensors)
+        shared = all(_is_same_column(recording, other, key) for other in recording.other_sensors)
         out[name] = _Written(recording, key, "" if shared else recording.sensor)
     for other in recording.other_sensors:
         for key, name in _names(other).items():
-            if not is_same_column(recording, other, key):
+            if not _is_same_column(recording, other, key):
                 out[f"{name}_{other.sensor}"] = _Written(other, key, other.sensor)
     return out
 
 
-def is_same_column(one: Recording, other: Recording, key: Key) -> bool:
+def _is_same_column(one: Recording, other: Recording, key: Key) -> bool:
     return all(key in r.channels for r in (one, other)) and np.array_equal(one.channels[key], other.channels[key])
 
 
@@ -104,7 +104,7 @@ def _header(recording: Recording, samples: str, names: dict[str, _Written]) -> l
         where = f", axis = {toml_text(axis)}" if axis else ""
         where += f", sensor = {toml_text(each.sensor)}" if each.sensor and recording.other_sensors else ""
         unit = toml_text(_unit(each.recording, each.key))
-        lines.append(f"{toml_key(name)} = {{ quantity = {toml_text(quantity)}{where}, unit = {unit} }}")
+        lines.append(f"{_toml_key(name)} = {{ quantity = {toml_text(quantity)}{where}, unit = {unit} }}")
     if _is_averaged(recording):
         lines.append('weight = { quantity = "weight" }')
     return lines
@@ -116,18 +116,18 @@ def _noise(recording: Recording) -> list[str]:
         quantity = COLOURED[sensor][1] if sensor in COLOURED else SENSORS[sensor]
         unit = next((_unit(recording, k) for k in recording.channels if k[0] == quantity), "")
         unit = unit or QUANTITIES[quantity].si
-        lines.append(f"{sensor} = {toml_number(from_si(sigma, unit), unit)}")
+        lines.append(f"{sensor} = {_toml_number(from_si(sigma, unit), unit)}")
     return lines
 
 
 def _site(site: Site) -> list[str]:
     lines = ["[site]"]
     if site.latitude is not None:
-        lines.append(f"latitude = {toml_number(from_si(site.latitude, 'deg'), 'deg')}")
+        lines.append(f"latitude = {_toml_number(from_si(site.latitude, 'deg'), 'deg')}")
     if site != UNKNOWN_SITE:  # nobody has said where it is: better to say so again on reading
         sigma = f", sigma = {site.gravity_sigma!r}" if site.gravity_sigma else ""
-        g = toml_number(site.gravity, "m/s^2").replace(", unit", f"{sigma}, unit")
-        lines += [f"height = {toml_number(site.height, 'm')}", f"gravity = {g}"]
+        g = _toml_number(site.gravity, "m/s^2").replace(", unit", f"{sigma}, unit")
+        lines += [f"height = {_toml_number(site.height, 'm')}", f"gravity = {g}"]
     return lines
 
 
@@ -138,11 +138,11 @@ def platform_toml(platform: Platform, stabilised: bool = False) -> list[str]:
     lines = ["[platform]", f"name = {toml_text(platform.name)}"]
     for axis in platform.axes:
         lines += ["", "[[platform.axes]]", f"name = {toml_text(axis.name)}", f"direction = {toml_text(axis.direction)}"]
-        lines += [f"sign = {axis.sign}", f"offset = {toml_number(axis.offset, 'rad')}"]
+        lines += [f"sign = {axis.sign}", f"offset = {_toml_number(axis.offset, 'rad')}"]
     return lines
 
 
-def toml_key(name: str) -> str:
+def _toml_key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_text(name)
 
 
@@ -152,7 +152,7 @@ def toml_text(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def toml_number(value: float, unit: str) -> str:
+def _toml_number(value: float, unit: str) -> str:
     return f"{{ value = {float(value)!r}, unit = {toml_text(unit)} }}"
 
 

@@ -60,7 +60,7 @@ def _facts(c: CampaignSummary, rows: Sequence[ParameterErrors]) -> list[tuple[st
 
 
 def _errors_row(r: ParameterErrors) -> Context:
-    rms, sigma, unit = printed_row(r)
+    rms, sigma, unit = _printed_row(r)
     return {
         "words": naming.label_in_words(r.parameter),
         "group": r.parameter.partition(":")[0],
@@ -72,7 +72,7 @@ def _errors_row(r: ParameterErrors) -> Context:
     }
 
 
-def printed_row(r: ParameterErrors) -> tuple[float, float, str]:
+def _printed_row(r: ParameterErrors) -> tuple[float, float, str]:
     """Return RMS error and sigma in the unit in which the parameter is printed."""
     stated = r.unit != "SI"  # of pulses: no parameter of the catalogue
     unit = r.unit if stated else _units().get(r.parameter.partition(":")[0], "1")

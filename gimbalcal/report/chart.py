@@ -149,11 +149,11 @@ def limits(chart: Chart) -> tuple[tuple[float, float], tuple[float, float]]:
             xs, ys = [*xs, m.x], [*ys, m.y]
             if isinstance(m, Points) and m.spread is not None:
                 ys += [m.y - m.spread, m.y + m.spread] if not chart.log_y else []
-    x = value_span(xs, chart.log_x, 0.02 if any(isinstance(m, Line) for m in chart.marks) else 0.05)
-    return x, value_span(ys, chart.log_y, 0.06)
+    x = _value_span(xs, chart.log_x, 0.02 if any(isinstance(m, Line) for m in chart.marks) else 0.05)
+    return x, _value_span(ys, chart.log_y, 0.06)
 
 
-def value_span(values: Sequence[Array], log: bool, beyond: float) -> tuple[float, float]:
+def _value_span(values: Sequence[Array], log: bool, beyond: float) -> tuple[float, float]:
     every = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values]) if values else np.zeros(1)
     every = every[np.isfinite(every)]
     if log:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def parameters_table(c: Calibration) -> str:
     """Return the parameters of a calibration as on the page, and which the data do not determine one by one."""
     table = rows(c, None)
-    fixed = fixed_parameters(c)
+    fixed = _fixed_parameters(c)
     terms = terms_in_text(c)
     return "\n".join([
         *aligned_table([(r["words"], r["value"], r["sigma"], r["unit"],
@@ -50,7 +50,7 @@ def headline_and_numbers(d: Diagnosis) -> str:
     return f"{headline(d)}\nIn numbers: {naming.typeset(d.in_words)}"
 
 
-def fixed_parameters(c: Calibration) -> list[str]:
+def _fixed_parameters(c: Calibration) -> list[str]:
     """Return what was fixed instead of estimated, with its axes where others of the effect were estimated."""
     labels = {p.label for p in c.parameters}
     estimated = {label.partition(":")[0] for label in labels}

@@ -69,8 +69,8 @@ def diagnosis_report(d: Diagnosis, title: str = "") -> str:
         "unexplained": [
             {"channel": _channel(u.channel, ""), "shape": naming.as_sentence(u.shape)} for u in d.unexplained
         ],
-        "moved": [shift_row(m) for m in d.fit.calibration_moved],
-        "unseen": detection_limit_rows(d),
+        "moved": [_shift_row(m) for m in d.fit.calibration_moved],
+        "unseen": _detection_limit_rows(d),
         "provenance": _provenance(dict(d.provenance)),
         "sources": naming.files_behind(d.provenance),
         "citations": cite(*dict.fromkeys(key for card in cards for key in card.sources)),
@@ -94,7 +94,7 @@ def panels(curves: Curves, mismatch: Sequence[Mismatch], most: int = 0) -> tuple
     before, after, sigma = (np.asarray(v[ok, i]) for v in (curves.before * scale, curves.after * scale, scale))
     rows = (before, after, sigma)
     time, hours = sensible_time(curves.time[ok] - curves.time[ok].min())
-    out = [_panel(name, unit, f"time [{hours}]", groups_in_order(time), time, rows)]
+    out = [_panel(name, unit, f"time [{hours}]", _groups_in_order(time), time, rows)]
     numbers = np.unique(position := curves.position[ok])
     if 1 < numbers.size <= MAX_POINTS:
         at = [np.flatnonzero(position == number) for number in numbers]
@@ -102,11 +102,11 @@ def panels(curves: Curves, mismatch: Sequence[Mismatch], most: int = 0) -> tuple
         named = tuple(f"{place} {int(number)}" for number in numbers)
         out.insert(0, replace(_panel(name, unit, place, at, position.astype(float), rows), names=named))
     for label, x in curves.against.items():
-        out.append(_panel(name, unit, label, groups_in_order(x[ok]), x[ok], rows))
-    return tuple(sorted(out, key=share_explained, reverse=True)[:most] if most else out)
+        out.append(_panel(name, unit, label, _groups_in_order(x[ok]), x[ok], rows))
+    return tuple(sorted(out, key=_share_explained, reverse=True)[:most] if most else out)
 
 
-def groups_in_order(x: Array) -> list[Array]:
+def _groups_in_order(x: Array) -> list[Array]:
     """Return groups of rows in order of x, no more than `MAX_POINTS` of them."""
     return [g for g in np.array_split(np.argsort(x, kind="stable"), min(x.size, MAX_POINTS)) if g.size]
 
@@ -121,7 +121,7 @@ def _panel(
     return Panel(name, unit, at, x_label, first, second, spread)
 
 
-def shift_row(m: Shift) -> dict[str, str]:
+def _shift_row(m: Shift) -> dict[str, str]:
     """Return the change of one calibration parameter by the findings."""
     return {**estimate(m.name, m.axis, m.moved, m.sigma, m.unit), "text": in_sigmas(m.in_sigmas, 1)}
 
@@ -245,7 +245,7 @@ def _channel(quantity: str, axis: str) -> str:
     return known.get((quantity, axis), f"{quantity} {axis}".replace("_", " ").strip())
 
 
-def share_explained(p: Panel) -> float:
+def _share_explained(p: Panel) -> float:
     """Return the share of the misfit that a curve over x explains: the panel with the largest comes first."""
     bins = np.array_split(np.argsort(p.x, kind="stable"), min(12, max(1, p.x.size // 3)))
     edges = np.unique(p.x[[b[0] for b in bins]])
@@ -291,7 +291,7 @@ def on_the_sky(curves: Curves) -> list[Chart]:
 def _before_after(
     panels: Sequence[Panel], findings: Sequence[Finding], skies: Sequence[Chart], laws: Sequence[Chart] = ()
 ) -> Picture:
-    panels = sorted(panels, key=lambda p: (_of_a_cause(p, findings), share_explained(p)), reverse=True)[
+    panels = sorted(panels, key=lambda p: (_of_a_cause(p, findings), _share_explained(p)), reverse=True)[
         : MAX_PANELS - len(skies) - len(laws)
     ]
     changed = any(p.changed for p in panels)
@@ -307,7 +307,7 @@ def _before_after(
     )
 
 
-def detection_limit_rows(d: Diagnosis) -> list[dict[str, str]]:
+def _detection_limit_rows(d: Diagnosis) -> list[dict[str, str]]:
     """Return the detection limits of an adequate fit: cause, least size, usual size and unit, of all views."""
     if d.verdict != "adequate":
         return []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gimbalcal.atomic import atomic_folder, write, write_json
 from gimbalcal.entries import Json
-from gimbalcal.report.html import with_question
+from gimbalcal.report.html import page_with_question
 
 if TYPE_CHECKING:
     from gimbalcal.calibration import Calibration
@@ -59,14 +59,14 @@ def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, quest
                 diagnosis.calibration.write(new / own / "calibration.json")
             if diagnosis.laws:
                 write(new / own / "law.py", source_text(diagnosis.laws))
-            write(new / own / "report.html", with_question(page, question))
+            write(new / own / "report.html", page_with_question(page, question))
 
 
 def write_report(name: str, content: Json | Sequence[Json], page: str, out: Path, question: str = "") -> None:
     """Write a result as the JSON `name`, and its page as report.html, into `out`."""
     with atomic_folder(out) as new:
         write_json(new / name, content)
-        write(new / "report.html", with_question(page, question))
+        write(new / "report.html", page_with_question(page, question))
 
 
 def write_comparison(
@@ -82,4 +82,4 @@ def write_comparison(
         write_json(new / "compare.json", comparison.to_dict())
         write(new / "history.csv", rows.write_csv())
         rows.write_parquet(new / "history.parquet")
-        write(new / "report.html", with_question(page, question))
+        write(new / "report.html", page_with_question(page, question))

@@ -32,14 +32,14 @@ def history_report(c: PrintedComparison, diagnoses: Sequence[tuple[str, str]] = 
         "steps": [_step(s, names) for s in c.steps],
         "calibrations": [
             {
-                "date": date_in_print(one.date),
+                "date": _date_in_print(one.date),
                 "name": one.name,
                 "method": one.method,
                 "outcome": naming.typeset(one.outcome),
             }
             for one in calibrations
         ],
-        "diagnoses": [{"date": date_in_print(date), "words": naming.typeset(words)} for date, words in diagnoses],
+        "diagnoses": [{"date": _date_in_print(date), "words": naming.typeset(words)} for date, words in diagnoses],
     }
     return render("compare.html", context)
 
@@ -47,13 +47,13 @@ def history_report(c: PrintedComparison, diagnoses: Sequence[tuple[str, str]] = 
 def _names(calibrations: Sequence[ComparedCalibration]) -> list[str]:
     """Return dates, with the time of the day where two calibrations are of one day."""
     days = [c.date[:10] for c in calibrations]
-    return [d if days.count(d) == 1 else date_in_print(c.date) for d, c in zip(days, calibrations, strict=True)]
+    return [d if days.count(d) == 1 else _date_in_print(c.date) for d, c in zip(days, calibrations, strict=True)]
 
 
-def date_in_print(date: str) -> str:
+def _date_in_print(date: str) -> str:
     """Return a date of ISO 8601 as printed; midnight stands for an unknown time.
 
-    >>> date_in_print("2026-02-03T00:00:00+00:00"), date_in_print("2026-02-03T14:05:00+00:00")
+    >>> _date_in_print("2026-02-03T00:00:00+00:00"), _date_in_print("2026-02-03T14:05:00+00:00")
     ('2026-02-03', '2026-02-03 14:05')
     """
     return date[:16].replace("T", " ").removesuffix(" 00:00")
@@ -101,18 +101,20 @@ def _pictures(parameters: Sequence[PrintedHistory], calibrations: Sequence[Compa
     """Return a picture of each parameter, those with the largest changes first."""
     dates = [datetime.fromisoformat(c.date) for c in calibrations]
     drawn = []
-    for p in sorted(parameters, key=lambda p: -largest_change(p)):
+    for p in sorted(parameters, key=lambda p: -_largest_change(p)):
         words = naming.name_in_words(p.name, p.axis)
         change = "with a jump" if p.jumps else "with an outlier" if p.outliers else "without a jump"
-        drawn.append(picture(parameter_chart(p, dates, words), f"{words} over {len(p.values)} calibrations, {change}."))
+        drawn.append(
+            picture(_parameter_chart(p, dates, words), f"{words} over {len(p.values)} calibrations, {change}.")
+        )
     return drawn
 
 
-def largest_change(p: PrintedHistory) -> float:
+def _largest_change(p: PrintedHistory) -> float:
     return float(np.max(np.abs(np.diff(p.values)) / np.hypot(p.sigmas[1:], p.sigmas[:-1])))
 
 
-def parameter_chart(p: PrintedHistory, dates: Sequence[datetime], words: str) -> Chart:
+def _parameter_chart(p: PrintedHistory, dates: Sequence[datetime], words: str) -> Chart:
     """Draw a parameter over the dates, with two sigmas, and its drift where that is significant."""
     days = np.array([d.timestamp() for d in dates]) / SOLAR_DAY
     t, x, sigma = days[list(p.calibrations)], np.array(p.values), np.array(p.sigmas)

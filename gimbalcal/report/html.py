@@ -80,7 +80,7 @@ def _script_hash() -> str:
 MARK = '<meta name="gimbalcal-question" content="'
 
 
-def with_question(page: str, question: str) -> str:
+def page_with_question(page: str, question: str) -> str:
     """Return the page with the question it answers in its head, so that the same question may replace it."""
     return page.replace("<head>", f'<head>\n{MARK}{question}">', 1) if question else page
 

@@ -28,7 +28,7 @@ def navigation_report(s: NavigationSummary) -> str:
         "title": s.title,
         "answer": navigation_answer(s),
         "verdict": "misfit" if s.increased else "found",
-        "facts": [(f"{s.hours:.3g} h", "navigated"), *map(position_fact, s.position)],
+        "facts": [(f"{s.hours:.3g} h", "navigated"), *map(_position_fact, s.position)],
         "picture": picture(
             curves(s.runs),
             "Errors of latitude, longitude, velocity, attitude and position over time, for each calibration.",
@@ -54,7 +54,7 @@ def navigation_report(s: NavigationSummary) -> str:
     return render("navigation.html", context)
 
 
-def position_fact(p: PositionError) -> tuple[str, str]:
+def _position_fact(p: PositionError) -> tuple[str, str]:
     name = "without calibration" if p.calibration == NONE else p.calibration
     return f"{significant(p.max_nmi, 3)} n mile", f"largest position error, {name}"
 
@@ -128,7 +128,7 @@ def budget_report(budget: Budget) -> str:
         "verdict": "found",
         "facts": facts,
         "picture": picture(
-            budget_tornado(budget),
+            _budget_tornado(budget),
             f"Bars: position error by each parameter, {rows[0]['name']} the longest: "
             f"{length_in_words(budget.parts[-1].max())}.",
             f"Part of the position error of {budget.hours[-1]:g} h (one sigma) that would vanish if a parameter were "
@@ -144,7 +144,7 @@ def budget_report(budget: Budget) -> str:
     return render("budget.html", context)
 
 
-def budget_tornado(budget: Budget) -> Chart:
+def _budget_tornado(budget: Budget) -> Chart:
     """Draw the position error by parameter, the longest bar on top."""
     shown = [int(i) for i in budget.order if budget.parts[-1, i] > MIN_BAR * budget.parts[-1].max()]
     scale, unit = (1e3, "km") if budget.parts[-1].max() > 1e4 else (1.0, "m")

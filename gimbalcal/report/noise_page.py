@@ -34,7 +34,11 @@ def noise_report(noise: RestNoise, title: str) -> str:
             (_rate(noise.rate_hz), "logged"),
         ],
         "picture": picture(
-            [_chart(noise.channels, quantity) for quantity in TITLES if channels_of_quantity(noise.channels, quantity)],
+            [
+                _chart(noise.channels, quantity)
+                for quantity in TITLES
+                if _channels_of_quantity(noise.channels, quantity)
+            ],
             "Allan deviation over averaging time, logarithmic, with the fitted noise as lines.",
             "Overlapping Allan deviation with one sigma, and the fitted noise: white noise falls with the root of "
             "time, bias instability (times 0.664) is level, random walk rises.",
@@ -51,13 +55,13 @@ def _rate(hertz: float) -> str:
     return f"{hertz:.4g} Hz" if hertz >= 0.1 else f"every {duration_in_words(1 / hertz)}"
 
 
-def channels_of_quantity(channels: Sequence[ChannelNoise], quantity: str) -> list[ChannelNoise]:
+def _channels_of_quantity(channels: Sequence[ChannelNoise], quantity: str) -> list[ChannelNoise]:
     return [c for c in channels if c.quantity == quantity]
 
 
 def _chart(channels: Sequence[ChannelNoise], quantity: str) -> Chart:
     marks: list[Mark] = []
-    mine = channels_of_quantity(channels, quantity)
+    mine = _channels_of_quantity(channels, quantity)
     for k, c in enumerate(mine):
         colour, tau, y = COLOURS[k % 6], np.array(c.tau_s), np.array(c.deviation)
         label = " ".join(filter(None, [c.axis, c.sensor]))

@@ -159,26 +159,26 @@ def stages(c: Calibration, truth: Mapping[str, float] | None) -> Context:
     several = len(ours) > 1
     return {
         "stages": [_stage(s, c) for s in c.stages],
-        "stage_names": [short_name(s.name) for s in ours] if several else [],
+        "stage_names": [_short_name(s.name) for s in ours] if several else [],
         "stage_rows": [_stage_row(p, c, ours, truth) for p in staged],
         "stage_figure": _stage_picture(staged, ours) if several else None,
-        "stage_rest": parameters_outside_stages(p for p in c.parameters if p not in staged) if several else "",
+        "stage_rest": _parameters_outside_stages(p for p in c.parameters if p not in staged) if several else "",
         "coefficients": [_coefficients(s) for s in c.stages if s.labels and s not in ours],
     }
 
 
-def parameters_outside_stages(parameters: Iterable[Parameter]) -> str:
+def _parameters_outside_stages(parameters: Iterable[Parameter]) -> str:
     """Return a sentence on the parameters that no stage lists; empty where there are none."""
     names = dict.fromkeys(naming.name_in_words(p.name) for p in parameters)
     return f"Estimated in one step, outside these stages: {naming.list_in_words(list(names))}." if names else ""
 
 
-def short_name(name: str) -> str:
+def _short_name(name: str) -> str:
     return naming.without_underscores(name).replace("system level: ", "")
 
 
 def _stage_picture(parameters: Sequence[Parameter], stages: Sequence[StageResult]) -> Picture:
-    ratios = {short_name(s.name): np.array([s.sigma_of(p.label) / p.sigma for p in parameters]) for s in stages}
+    ratios = {_short_name(s.name): np.array([s.sigma_of(p.label) / p.sigma for p in parameters]) for s in stages}
     return picture(
         dots_by_name([naming.label_in_words(p.label) for p in parameters], ratios,
                      "σ / prior σ (left: better known)", "of its prior σ", [AS_BEFORE]),
@@ -193,7 +193,7 @@ def _coefficients(s: StageResult) -> Context:
             | {"words": naming.without_underscores(name)}  # phi_0 is also the name of a parameter
             for name, value, sigma in zip(s.labels, s.values, s.sigmas, strict=True)]  # fmt: skip
     return {
-        "name": short_name(s.name),
+        "name": _short_name(s.name),
         "rows": rows,
         "picture": None if s.history is None else _convergence(s, s.history),
     }
@@ -213,7 +213,7 @@ def _convergence(s: StageResult, h: StageHistory) -> Picture:
         ))  # fmt: skip
     return picture(
         charts,
-        f"The {len(s.labels)} states of the {short_name(s.name)} over time, with one sigma.",
+        f"The {len(s.labels)} states of the {_short_name(s.name)} over time, with one sigma.",
         f"The states from where their σ is below {MAX_SHOWN_SIGMA:g} times its last value; line: the last estimate.",
     )
 
@@ -226,7 +226,7 @@ def _stage(s: StageResult, c: Calibration) -> dict[str, str]:
     rms = float(from_si(s.rms, unit))
     text = f"{significant(rms, 3)} {naming.unit_in_print(unit)}" if np.isfinite(rms) else "–"
     return {
-        "name": short_name(s.name),
+        "name": _short_name(s.name),
         "count": str(len(s.labels)),
         "rms": text,
         "in_words": naming.as_sentence(s.in_words),

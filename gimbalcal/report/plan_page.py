@@ -106,14 +106,14 @@ def _rows(rows: Sequence[PredictedSigma], others: Sequence[str]) -> list[Context
             "sigma": significant(r.sigma, 3),
             "unit": unit_in_print(r.parameter.unit),
             "prior": significant(r.prior_sigma, 2),
-            "better": improvement_in_words(r.sigma / r.prior_sigma),
+            "better": _improvement_in_words(r.sigma / r.prior_sigma),
             "others": [significant(r.others[n], 3) for n in others],
         }
         for r in rows
     ]
 
 
-def improvement_in_words(ratio: float) -> str:
+def _improvement_in_words(ratio: float) -> str:
     return "not better" if ratio >= MAX_RATIO or ratio <= 0 else f"{significant(1 / ratio, 3)} times"
 
 
@@ -149,7 +149,7 @@ def design_headline(d: PositionsDesign | TurnsDesign) -> str:
 def _positions(d: PositionsDesign) -> Context:
     names = list(d.against)
     return {
-        "title": d.schedule.name, "picture": schedule_picture(d.schedule),
+        "title": d.schedule.name, "picture": _schedule_picture(d.schedule),
         "unobservable": naming.directions_in_words(d.unobservable),
         "facts": [(str(len(d.schedule.holds)), "positions"), (d.angles, "uncertainty of the angles"),
                   (CRITERIA[d.criterion], "minimised")],
@@ -160,7 +160,7 @@ def _positions(d: PositionsDesign) -> Context:
 def _turns(d: TurnsDesign) -> Context:
     turns = str(len(d.schedule.moves))
     rows = [{"group": g.group, "words": naming.name_in_words(g.group), "sigma": significant(g.sigma, 3), "prior": "",
-             "unit": unit_in_print(g.unit), "better": improvement_in_words(g.ratio),
+             "unit": unit_in_print(g.unit), "better": _improvement_in_words(g.ratio),
              "others": [significant(v, 3) for v in g.against.values()]} for g in d.groups]  # fmt: skip
     return {
         "title": f"{turns} turns", "picture": _drawn_turns(d.schedule), "unobservable": [],
@@ -172,7 +172,7 @@ def _turns(d: TurnsDesign) -> Context:
     }  # fmt: skip
 
 
-def schedule_picture(schedule: Schedule) -> Picture:
+def _schedule_picture(schedule: Schedule) -> Picture:
     """Draw the gimbal angles, and the direction of gravity in platform axes, at each position."""
     angles = np.rad2deg(np.array([h.angles for h in schedule.holds]))
     labels = [str(k) for k in range(1, len(angles) + 1)]
@@ -228,18 +228,18 @@ def observability_report(o: TurningObservability) -> str:
         "unobservable": unseen,
         "weak": [{"direction": naming.direction_in_words(direction),
                   "why": f"known {significant(degree, 3)} times better than before"} for direction, degree in o.weak],
-        "rows": [state_row(c) for c in (*o.curves, *o.navigation)],
-        "published": published_comparison(o.published),
+        "rows": [_state_row(c) for c in (*o.curves, *o.navigation)],
+        "published": _published_comparison(o.published),
         "citations": cite("wei2022", "yan2018", "friedland1969"),
     })  # fmt: skip
 
 
-def state_row(c: SigmaCurve) -> dict[str, str]:
+def _state_row(c: SigmaCurve) -> dict[str, str]:
     return {"words": label_in_words(c.parameter), "sigma": significant(float(c.printed[-1]), 3),
             "unit": unit_in_print(c.unit), "degree": significant(c.degree, 3), "word": c.word}  # fmt: skip
 
 
-def published_comparison(table: PublishedDegrees | None) -> Context:
+def _published_comparison(table: PublishedDegrees | None) -> Context:
     """Return the comparison with published degrees; empty without one."""
     if table is None:
         return {}

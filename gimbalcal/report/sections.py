@@ -238,10 +238,9 @@ def navigation_pictures(c: Calibration) -> list[Picture]:
     navigation = c.residual.navigation
     if not navigation:
         return []
-    estimates = (
-        [estimates_picture(c, navigation)] if "estimate" in navigation else []
-    )  # some calibration.json have none
-    return [innovations_picture(navigation), *estimates, sigmas_picture(c, navigation)]
+    # A calibration.json of an earlier version has no estimates.
+    estimates = [_estimates_picture(c, navigation)] if "estimate" in navigation else []
+    return [_innovations_picture(navigation), *estimates, _sigmas_picture(c, navigation)]
 
 
 def navigation_facts(c: Calibration) -> list[tuple[str, str]]:
@@ -253,7 +252,7 @@ def navigation_facts(c: Calibration) -> list[tuple[str, str]]:
     return [(significant(n["nis"]["ratio"], 3), f"normalised innovation squared, mean ({updates})")]
 
 
-def innovations_picture(n: Mapping[str, Any]) -> Picture:
+def _innovations_picture(n: Mapping[str, Any]) -> Picture:
     z, white = np.array(n["legs"]["innovation"]), n["whiteness"]
     far = int(np.sum(np.abs(z) > OUTLIER_SIGMAS))
     outliers = f"{number_of(far, 'sum')} beyond {OUTLIER_SIGMAS:g} σ" if far else f"none beyond {OUTLIER_SIGMAS:g} σ"
@@ -267,7 +266,7 @@ def innovations_picture(n: Mapping[str, Any]) -> Picture:
     )
 
 
-def estimates_picture(c: Calibration, n: Mapping[str, Any]) -> Picture:
+def _estimates_picture(c: Calibration, n: Mapping[str, Any]) -> Picture:
     """Return the estimates of the filter against time with one sigma, a chart for each effect."""
     time, unit = sensible_time(np.array(n["time_s"]))
     unknown, groups = unobservable_leading(c.null_directions), dict[tuple[str, str], list[Mark]]()
@@ -296,7 +295,7 @@ def estimates_picture(c: Calibration, n: Mapping[str, Any]) -> Picture:
     )
 
 
-def sigmas_picture(c: Calibration, n: Mapping[str, Any]) -> Picture:
+def _sigmas_picture(c: Calibration, n: Mapping[str, Any]) -> Picture:
     groups: dict[tuple[str, str], dict[str, Sequence[float]]] = {}
     for p in c.parameters:
         groups.setdefault((name_in_words(p.name), unit_in_print(p.unit)), {})[p.axis] = n["sigma"][p.label]

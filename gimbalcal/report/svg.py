@@ -43,7 +43,7 @@ def svg(chart: Chart) -> str:
     across, up = ([], []) if chart.bare else (_ticks(chart, x0, x1, True), _ticks(chart, y0, y1, False))
     left = 14 + LETTER * max((len(w) for _, w in up), default=0) + (16 if chart.y_label else 0)
     legend = _legend(chart, left)
-    crossed = labels_are_vertical(across, WIDTH - left)
+    crossed = _labels_are_vertical(across, WIDTH - left)
     foot = (max((len(w) for _, w in across), default=0) * LETTER if crossed else 16) + (20 if chart.x_label else 6)
     top = 6 + (18 if chart.title else 0) + legend[1] + (10 if any(isinstance(m, Words) for m in chart.marks) else 0)
     wide, high = WIDTH - left - 10, chart.height
@@ -98,7 +98,7 @@ def _ticks(chart: Chart, low: float, high: float, across: bool) -> list[tuple[fl
     return list(zip(values, tick_words(values), strict=True))
 
 
-def labels_are_vertical(across: Sequence[tuple[float, str]], wide: float) -> bool:
+def _labels_are_vertical(across: Sequence[tuple[float, str]], wide: float) -> bool:
     """Return whether words under the chart have to be vertical."""
     return sum(len(w) + 1.5 for _, w in across) * LETTER > wide
 

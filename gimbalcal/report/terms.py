@@ -42,11 +42,11 @@ def terms_in_text(c: Calibration) -> str:
         heads = (f"terms {where} the model: rms on the sky without and with each" for where in ("of", "outside"))
         for head, group in zip(heads, chosen, strict=True):
             if group:
-                parts += [f"  {head}", *aligned_rows([_row(t) for t in group])]
+                parts += [f"  {head}", *_aligned_rows([_row(t) for t in group])]
     return "\n".join(parts)
 
 
-def aligned_rows(rows: Sequence[Context]) -> list[str]:
+def _aligned_rows(rows: Sequence[Context]) -> list[str]:
     """Return rows as aligned lines: name, TPOINT's name, residuals, F, p-value, the largest correlation."""
     cells = [(r["words"], r["tpoint"], f"{r['without']} → {r['with_']} arcsec", f"F {r['F']}", f"p {r['p']}",
               r["correlated"][0] if r["correlated"] else "") for r in rows]  # fmt: skip

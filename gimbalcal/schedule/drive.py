@@ -98,7 +98,7 @@ class Drive:
 
     def _speed(self, time: Array) -> tuple[Array, Array]:
         u = np.where(time > self.rest, (time - self.rest) % self.leg, 0.0)
-        up, down = smooth_step(u / RAMP_S), smooth_step((self.leg - u) / RAMP_S)
+        up, down = _smooth_step(u / RAMP_S), _smooth_step((self.leg - u) / RAMP_S)
         return self.speed * up[0] * down[0], self.speed * (up[1] * down[0] - up[0] * down[1]) / RAMP_S
 
     def _heading(self, time: Array) -> tuple[Array, Array, Array]:
@@ -106,18 +106,18 @@ class Drive:
         number, u = (since // self.leg).astype(int), since % self.leg
         senses = TURNS[np.arange(number.max(initial=0) + 1) % len(TURNS)]
         before = np.concatenate([[0], np.cumsum(senses)])[number]
-        share, slope, curve = smooth_step((u - BEND_START_S) / BEND_S)
+        share, slope, curve = _smooth_step((u - BEND_START_S) / BEND_S)
         quarter = np.pi / 2 * senses[number]
         return np.pi / 2 * before + quarter * share, quarter * slope / BEND_S, quarter * curve / BEND_S**2
 
     def _pitch(self, time: Array) -> tuple[Array, Array, Array]:
         w, u = 2 * np.pi / PITCH_PERIOD_S, np.maximum(time - self.rest, 0.0)
-        share, slope, curve = (x / RAMP_S**i for i, x in enumerate(smooth_step(u / RAMP_S)))  # it begins level
+        share, slope, curve = (x / RAMP_S**i for i, x in enumerate(_smooth_step(u / RAMP_S)))  # it begins level
         s, c = self.pitch * np.sin(w * u), self.pitch * np.cos(w * u)
         return share * s, share * w * c + slope * s, (curve - share * w**2) * s + 2 * slope * w * c
 
 
-def smooth_step(x: Array) -> tuple[Array, Array, Array]:
+def _smooth_step(x: Array) -> tuple[Array, Array, Array]:
     """Return s(x) from 0 to 1 and its first two derivatives; constant outside."""
     x = np.clip(x, 0.0, 1.0)
     a = 2 * np.pi * x

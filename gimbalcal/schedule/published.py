@@ -53,17 +53,17 @@ SCHEDULES: dict[str, Schedule] = {s.name: s for s in (EIGHTEEN_POSITIONS, FIFTEE
 FIVE, TEN = float(np.deg2rad(5.0)), float(np.deg2rad(10.0))
 
 
-def parsed_moves(words: str) -> tuple[Move, ...]:
+def _parsed_moves(words: str) -> tuple[Move, ...]:
     """Return the moves from "y+90 z-180": axis, sign and angle [deg]."""
     split = [(w[: w.index(s)], w[w.index(s) :]) for w in words.split() for s in "+-" if s in w]
     return tuple(Move(axis, float(np.deg2rad(float(angle)))) for axis, angle in split)
 
 
-def reversed_moves(moves: tuple[Move, ...]) -> tuple[Move, ...]:
+def _reversed_moves(moves: tuple[Move, ...]) -> tuple[Move, ...]:
     return tuple(Move(m.axis, -m.angle) for m in moves)
 
 
-def moves_along(moves: tuple[Move, ...], directions: str) -> tuple[Move, ...]:
+def _moves_along(moves: tuple[Move, ...], directions: str) -> tuple[Move, ...]:
     return tuple(Move(m.axis, m.angle, along=d) for m, d in zip(moves, directions.split(), strict=True))
 
 
@@ -72,7 +72,7 @@ def moves_along(moves: tuple[Move, ...], directions: str) -> tuple[Move, ...]:
 CAI_18 = RotationSchedule(
     "cai2016-18",
     ("east", "north", "up"),
-    parsed_moves(
+    _parsed_moves(
         "outer+90 outer+180 outer+180 inner+90 inner+180 inner+180 outer+90 outer+180 outer+180 "
         "outer+90 outer+90 outer+90 inner+90 inner+90 inner+90 outer+90 outer+90 outer+90"
     ),
@@ -93,12 +93,12 @@ CAI_18 = RotationSchedule(
 # Wei et al. (2022), Table 1: the axis of the unit and the direction that it points in, of rows 1 to 15; 16 to 30 are
 # "the same, and the direction is opposite". The start follows from the rows, and is the (0, -90, -90) deg of section
 # 4.1 read as pitch, roll and yaw. Rate and stops are not printed.
-_HALF = parsed_moves("y+90 y+90 y+90 y-180 y-90 z+90 x+90 x+90 x+90 x-180 x-90 z+90 z+90 z-180 z-90")
+_HALF = _parsed_moves("y+90 y+90 y+90 y-180 y-90 z+90 x+90 x+90 x+90 x-180 x-90 z+90 z+90 z-180 z-90")
 WEI_30 = RotationSchedule(
     "wei2022-30",
     ("up", "east", "north"),
-    moves_along(_HALF, "east east east east east north east east east east east north north north north")
-    + reversed_moves(_HALF),
+    _moves_along(_HALF, "east east east east east north east east east east east north north north north")
+    + _reversed_moves(_HALF),
     rate=TEN,
     stop=100.0,
     source="wei2022",
@@ -108,7 +108,7 @@ WEI_30 = RotationSchedule(
 XIE_19 = RotationSchedule(
     "xie2011-19",
     ("up", "east", "north"),
-    parsed_moves("y+90 y+90 y+90 y-90 y-90 y-90 z+90 x+90 x+90 x+90 x-90 x-90 x-90 z+90 z+90 z-90 z-90 z-90"),
+    _parsed_moves("y+90 y+90 y+90 y-90 y-90 y-90 z+90 x+90 x+90 x+90 x-90 x-90 x-90 z+90 z+90 z-90 z-90 z-90"),
     rate=TEN,
     stop=100.0,
     source="xie2011",
@@ -118,7 +118,7 @@ XIE_19 = RotationSchedule(
 JIA_9 = RotationSchedule(
     "jia2014-9",
     ("east", "north", "up"),
-    parsed_moves("x+90 z+90 y-90 x-90 z-90 y+90 x+90 z-90"),
+    _parsed_moves("x+90 z+90 y-90 x-90 z-90 y+90 x+90 z-90"),
     rate=TEN,
     stop=100.0,
     source="jia2014",
@@ -128,7 +128,7 @@ JIA_9 = RotationSchedule(
 YAN_9 = RotationSchedule(
     "yan2012-9",
     ("east", "north", "up"),
-    parsed_moves("z+180 x+180 y+90 x+180 y+180 z+90 y+180 z+180"),
+    _parsed_moves("z+180 x+180 y+90 x+180 y+180 z+90 y+180 z+180"),
     rate=TEN,
     stop=100.0,
     source="yan2012",
@@ -139,7 +139,7 @@ YAN_9 = RotationSchedule(
 TURNS_63 = RotationSchedule(
     "turns-63",
     ("up", "west", "south"),
-    parsed_moves(
+    _parsed_moves(
         "outer+180 inner-90 outer-180 inner+90 inner+90 outer-180 outer+90 outer+180 inner+180 inner-180 inner-180 "
         "outer+90 inner-90 inner+90 inner-180 outer+90 outer+180 outer-90 inner+180 inner+90 outer-90 outer+90 "
         "outer-90 inner-180 outer+90 outer-90 outer+90 outer-90 outer-90 outer-180 inner+90 outer-180 outer-180 "

@@ -17,7 +17,7 @@ from gimbalcal.schedule import ROTATIONS, SCHEDULES
 from gimbalcal.units import parse, to_si
 
 
-def measured_value(quantity: str, like: str = "") -> BeforeValidator:
+def _measured_value(quantity: str, like: str = "") -> BeforeValidator:
     """Return a number with its unit, {value = 1.0, unit = "arcsec"}, taken to SI."""
 
     def convert(given: Any) -> float:
@@ -35,24 +35,24 @@ def measured_value(quantity: str, like: str = "") -> BeforeValidator:
     return BeforeValidator(convert)
 
 
-def positive_value(value: float) -> float:
+def _positive_value(value: float) -> float:
     if not value > 0:
         raise ValueError(f"must be above zero, got {value:g}")
     return value
 
 
-Duration = Annotated[float, measured_value("time"), AfterValidator(positive_value)]
-Rate = Annotated[float, measured_value("", "Hz"), AfterValidator(positive_value)]
-Spinning = Annotated[float, measured_value("", "deg/s"), AfterValidator(positive_value)]
-Angle = Annotated[float, measured_value("angle")]
-Force = Annotated[float, measured_value("", "m/s^2")]
-Spin = Annotated[float, measured_value("", "deg/h")]
-Walk = Annotated[float, measured_value("", "ug/sqrt(h)")]
-AngleWalk = Annotated[float, measured_value("", "deg/sqrt(h)")]
-ForceWalk = Annotated[float, measured_value("", "ug/sqrt(Hz)")]
-RateWalk = Annotated[float, measured_value("", "deg/h/sqrt(h)")]
-Speed = Annotated[float, measured_value("velocity")]
-Length = Annotated[float, measured_value("height")]
+Duration = Annotated[float, _measured_value("time"), AfterValidator(_positive_value)]
+Rate = Annotated[float, _measured_value("", "Hz"), AfterValidator(_positive_value)]
+Spinning = Annotated[float, _measured_value("", "deg/s"), AfterValidator(_positive_value)]
+Angle = Annotated[float, _measured_value("angle")]
+Force = Annotated[float, _measured_value("", "m/s^2")]
+Spin = Annotated[float, _measured_value("", "deg/h")]
+Walk = Annotated[float, _measured_value("", "ug/sqrt(h)")]
+AngleWalk = Annotated[float, _measured_value("", "deg/sqrt(h)")]
+ForceWalk = Annotated[float, _measured_value("", "ug/sqrt(Hz)")]
+RateWalk = Annotated[float, _measured_value("", "deg/h/sqrt(h)")]
+Speed = Annotated[float, _measured_value("velocity")]
+Length = Annotated[float, _measured_value("height")]
 
 
 class _Section(BaseModel):
@@ -65,7 +65,7 @@ class TurnSection(_Section):
     axis: Literal["x", "y", "z", "outer", "inner"]
     angle: Angle
     rate: Spinning | None = None
-    stop: Annotated[float, measured_value("time")] | None = None
+    stop: Annotated[float, _measured_value("time")] | None = None
 
 
 class Oscillation(_Section):
@@ -100,8 +100,8 @@ class ScheduleSection(_Section):
     dwell: Duration | None = None  # of every hold, instead of the schedule's own
     rate: Rate = 1.0
     slew_rate: Spinning | None = None  # of holds: 6 deg/s; of turns: the schedule's own
-    ramp: Annotated[float, measured_value("time")] | None = None  # to come to slew_rate; none: 0, with gyroscopes 1 s
-    settle: Annotated[float, measured_value("time")] = 5.0
+    ramp: Annotated[float, _measured_value("time")] | None = None  # to come to slew_rate; none: 0, with gyroscopes 1 s
+    settle: Annotated[float, _measured_value("time")] = 5.0
     record_slews: bool = False
     sweeps: int = Field(default=1, ge=1, le=1000)
     duration: Duration = 86400.0  # of a static run, of a swing, of a drive with its rest
@@ -134,7 +134,7 @@ class ScheduleSection(_Section):
 class SiteSection(_Section):
     """[site]."""
 
-    latitude: Annotated[float, measured_value("angle")] | None = None
+    latitude: Annotated[float, _measured_value("angle")] | None = None
     height: Length = 0.0
     gravity: Force | None = None
 
@@ -159,7 +159,7 @@ class QuantityHistory(_Section):
     rate: float = 0.0  # per h, of a ramp
     amplitude: float = 0.0  # of a sinusoid
     period: Duration = 86400.0
-    phase: Annotated[float, measured_value("angle")] = 0.0
+    phase: Annotated[float, _measured_value("angle")] = 0.0
     walk: float = Field(default=0.0, ge=0)  # per sqrt(h), of a random walk
     time_h: tuple[float, ...] = ()  # of a table
     value: tuple[float, ...] = ()

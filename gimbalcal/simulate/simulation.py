@@ -124,13 +124,13 @@ def _block(
     place: np.random.Generator,
     states: dict[tuple[str, str], Array],
 ) -> Recording:
-    past, time = past_rows(run, start), run.time[start:stop]
-    nominal = nominal_motion(run, np.concatenate([run.time[past], time]))
+    past, time = _past_rows(run, start), run.time[start:stop]
+    nominal = _nominal_motion(run, np.concatenate([run.time[past], time]))
     if run.path is None:
         s = _as_it_was(run, nominal)
         out = {k: v[past.size :] for k, v in predict(run.platform, s, run.effects, run.scenario.kind).items()}
     else:
-        out = readings_of_turned_unit(run, run.path, time, run.time[past])
+        out = _readings_of_turned_unit(run, run.path, time, run.time[past])
         still = run.scenario.noise.velocity
         out["specific_force"] += quivering_force(run.path, time, 1 / run.scenario.schedule.rate, still, place, states)
     noise = noise_processes(run.scenario)
@@ -155,18 +155,18 @@ def _block(
     )
 
 
-def readings_of_turned_unit(run: Run, path: Motion, time: Array, past: Array) -> dict[str, Array]:
+def _readings_of_turned_unit(run: Run, path: Motion, time: Array, past: Array) -> dict[str, Array]:
     """Return the readings of a turned unit, means over the intervals that end at `time` (n,) [s] or of the instant."""
     motion = run.scenario.schedule
     at = nodes(path, time, 1 / motion.rate, motion.rates == "instant")
     instants = np.concatenate([past, at.time])
-    like = nominal_motion(run, instants)
+    like = _nominal_motion(run, instants)
     s = stimulus(path, like, instants).at(time=instants - run.time[0])
     out = predict(run.platform, s, run.effects, run.scenario.kind)
     return {quantity: at.means(values[len(past) :]) for quantity, values in out.items()}
 
 
-def past_rows(run: Run, start: int) -> Array:
+def _past_rows(run: Run, start: int) -> Array:
     """Return indices of earlier rows that represent the history of a block: one a minute and the first of dwells."""
     if start == 0:
         return np.zeros(0, dtype=int)
@@ -176,7 +176,7 @@ def past_rows(run: Run, start: int) -> Array:
     return rows[rows < start]
 
 
-def nominal_motion(run: Run, time: Array) -> Recording:
+def _nominal_motion(run: Run, time: Array) -> Recording:
     """Return the true motion of the platform at these times, as a recording without sensor errors."""
     position: Array | None
     if run.path is not None:

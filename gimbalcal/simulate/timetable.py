@@ -83,7 +83,7 @@ def planned_schedule(scenario: Scenario) -> Schedule:
             )
         return schedule
     platform = platform_of(scenario)
-    holds = tuple(timed_hold(platform, hold, i) for i, hold in enumerate(motion.holds))
+    holds = tuple(_timed_hold(platform, hold, i) for i, hold in enumerate(motion.holds))
     return Schedule("scenario", platform, holds)
 
 
@@ -108,7 +108,7 @@ def timetable(schedule: Schedule, motion: ScheduleSection, faults: FaultsSection
     return Timetable(position, commanded, true, start, start + dwell, ramp, motion.settle)
 
 
-def timed_hold(platform: Platform, hold: dict[str, float], i: int) -> Hold:
+def _timed_hold(platform: Platform, hold: dict[str, float], i: int) -> Hold:
     unknown = [axis for axis in hold if axis not in platform.axis_names]
     if unknown:
         raise InputError(

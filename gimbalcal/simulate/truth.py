@@ -32,7 +32,7 @@ def true_effects(
     wanted: dict[Parameter, float] = {}
     if section.get("draw", False):
         for name in BASELINE[kind]:
-            wanted |= drawn_values(name, gimbals, read, factor, None, rng)
+            wanted |= _drawn_values(name, gimbals, read, factor, None, rng)
     for name, given in section.items():
         if name not in RESERVED:
             wanted |= _effect(name, given, gimbals, read, factor, rng)
@@ -82,12 +82,12 @@ def _effect(
     if given.pop("draw", False):
         sigma = given.pop("sigma", None)
         size = None if sigma is None else _number(sigma, f"{where}.sigma")
-        out = drawn_values(name, gimbals, read, _number(given.pop("factor", factor), f"{where}.factor"), size, rng)
+        out = _drawn_values(name, gimbals, read, _number(given.pop("factor", factor), f"{where}.factor"), size, rng)
     known = parameters(CATALOGUE[name], gimbals, constants=True)
-    return out | dict(fixed_values(known, given, where))
+    return out | dict(_fixed_values(known, given, where))
 
 
-def drawn_values(
+def _drawn_values(
     name: str, gimbals: Sequence[str], read: Sequence[str], factor: float, sigma: float | None, rng: np.random.Generator
 ) -> dict[Parameter, float]:
     out = {}
@@ -99,21 +99,25 @@ def drawn_values(
     return out
 
 
-def fixed_values(known: Sequence[Parameter], given: Mapping[str, Any], where: str) -> Iterator[tuple[Parameter, float]]:
+def _fixed_values(
+    known: Sequence[Parameter], given: Mapping[str, Any], where: str
+) -> Iterator[tuple[Parameter, float]]:
     """Return values by axis (of the first parameter), or by parameter: a number for a scalar, a table for axes."""
     first = known[0].field
     for key, value in given.items():
         by_field = [p for p in known if key in (p.field, p.name)]
         if isinstance(value, Mapping) and by_field:
             for axis, number in value.items():
-                yield single_value([p for p in by_field if p.axis == axis], by_field, number, f"{where}.{key}.{axis}")
+                yield _single_value([p for p in by_field if p.axis == axis], by_field, number, f"{where}.{key}.{axis}")
         elif len(by_field) == 1:
-            yield single_value(by_field, known, value, f"{where}.{key}")
+            yield _single_value(by_field, known, value, f"{where}.{key}")
         else:
-            yield single_value([p for p in known if p.axis == key and p.field == first], known, value, f"{where}.{key}")
+            yield _single_value(
+                [p for p in known if p.axis == key and p.field == first], known, value, f"{where}.{key}"
+            )
 
 
-def single_value(
+def _single_value(
     match: Sequence[Parameter], known: Sequence[Parameter], value: Any, where: str
 ) -> tuple[Parameter, float]:
     if not match:

@@ -88,7 +88,7 @@ def stimulus(path: Motion, like: Recording, time: Array) -> Stimulus:
     C_bn, own, slope = path.at(time)
     C_nb = np.swapaxes(C_bn, -1, -2)
     if isinstance(path, Drive):
-        force, frame = driven_force_and_rate(path, like.site.gravity, time)
+        force, frame = _driven_force_and_rate(path, like.site.gravity, time)
     else:
         force, frame = -like.site.gravity * DOWN, rate_at(required_latitude(like.site.latitude))
     turning = apply_matrix(C_nb, frame)
@@ -97,7 +97,7 @@ def stimulus(path: Motion, like: Recording, time: Array) -> Stimulus:
     return s.at(rate_slope=slope - np.cross(own, turning))  # the rate of the frame turns in the axes of the unit
 
 
-def driven_force_and_rate(path: Drive, gravity: float, time: Array) -> tuple[Array, Array]:
+def _driven_force_and_rate(path: Drive, gravity: float, time: Array) -> tuple[Array, Array]:
     """Return force (N, 3) [m/s^2] of a vehicle and the rate (N, 3) [rad/s] of north, east, down along its way."""
     (v, dv), (L, _, h) = path.motion(time), path.place(time).T
     M, N = radii(L)
@@ -115,7 +115,7 @@ def schedule_of(motion: ScheduleSection) -> RotationSchedule:
         schedule = read_rotation(motion.file)
     else:
         moves = tuple(Move(m.axis, m.angle, m.rate, m.stop) for m in motion.moves)
-        schedule = moves_to_start(motion.start or {"x": "east", "y": "north", "z": "up"}, moves)
+        schedule = _moves_to_start(motion.start or {"x": "east", "y": "north", "z": "up"}, moves)
     return replace(
         schedule,
         moves=motion.sweeps * schedule.moves,
@@ -138,7 +138,7 @@ def true_trajectory(motion: ScheduleSection, setting: float, rng: np.random.Gene
             np.array([0.0 if s is None else getattr(s, n) for s in swings]) for n in ("amplitude", "frequency")
         )
         start = motion.start or {"x": "north", "y": "east", "z": "down"}
-        return Swing(size, pace, exponential(-tilt) @ standing_attitude(moves_to_start(start).start), motion.duration)
+        return Swing(size, pace, exponential(-tilt) @ standing_attitude(_moves_to_start(start).start), motion.duration)
     schedule = schedule_of(motion)
     off = dict.fromkeys((m.axis for m in schedule.moves), 0.0)
     error = np.zeros(len(schedule.moves))
@@ -167,7 +167,7 @@ def quivering_force(
     return np.asarray(np.einsum("nji,nj->ni", C_bn, np.diff(v, axis=0) / step))
 
 
-def moves_to_start(start: Mapping[str, str], moves: tuple[Move, ...] = ()) -> RotationSchedule:
+def _moves_to_start(start: Mapping[str, str], moves: tuple[Move, ...] = ()) -> RotationSchedule:
     """Return the moves of a unit whose axes point where the scenario says at the start."""
     try:
         return RotationSchedule("scenario", (start["x"], start["y"], start["z"]), moves)

@@ -53,7 +53,7 @@ def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), k
     read = readings(recording)
     if not read.columns("specific_force"):
         raise InputError(f"{recording.title!r} has no specific_force channel: there is nothing to explain")
-    noise = NoiseModel(row_sigma(read, known), scale_known=True, block=block_ordinals(recording))
+    noise = NoiseModel(row_sigma(read, known), scale_known=True, block=_block_ordinals(recording))
     setting = one_sigma(header_noise(recording).get("gimbal_angle", (SettingError(SETTING_SIGMA_RAD),)))
     return view_of_readings(read, noise, baseline, setting=None if recording.kind.stabilised else setting)
 
@@ -130,20 +130,20 @@ def linearised_at(o: Fit, shift: Array, sized: Sequence[Sized]) -> Fit:
     where two of them are alike (bias and scale of a sensor in a steady force) their difference would be a copy of it.
     """
     names, sized_effects = o.view.stimulus.axis_names, []
-    effects = shifted_model(o, shift)
-    sized_effects = [with_values((e,), wanted, size, names)[0] for e, wanted, size in first_of_each_effect(sized)]
-    rows = rows_about_effects(o.view, (*effects, *sized_effects), effects)
+    effects = _shifted_model(o, shift)
+    sized_effects = [with_values((e,), wanted, size, names)[0] for e, wanted, size in _first_of_each_effect(sized)]
+    rows = _rows_about_effects(o.view, (*effects, *sized_effects), effects)
     moving = [e for e in sized_effects if e.stage not in SENSOR_STAGES]
-    about = rows if len(moving) == len(sized_effects) else rows_about_effects(o.view, (*effects, *moving), effects)
+    about = rows if len(moving) == len(sized_effects) else _rows_about_effects(o.view, (*effects, *moving), effects)
     return replace(o, effects=effects, residual=rows.residual, jacobian=about.jacobian(o.parameters), kept=rows)
 
 
-def rows_about_effects(view: View, effects: Sequence[Effect], named: Sequence[Effect]) -> Rows:
+def _rows_about_effects(view: View, effects: Sequence[Effect], named: Sequence[Effect]) -> Rows:
     """Return rows about effects in units of the noise, in which only those that are `named` count as the model."""
     return replace(view.evaluate(effects).over(np.asarray(view.noise.sigma)), effects=tuple(named))
 
 
-def shifted_model(o: Fit, shift: Array) -> tuple[Effect, ...]:
+def _shifted_model(o: Fit, shift: Array) -> tuple[Effect, ...]:
     """Return the model with its parameters shifted by (q,) prior sigmas."""
     x = values(o.effects, o.parameters) + shift * np.array([p.sigma for p in o.parameters])
     return with_values(o.effects, o.parameters, x, o.view.stimulus.axis_names)
@@ -152,12 +152,12 @@ def shifted_model(o: Fit, shift: Array) -> tuple[Effect, ...]:
 def given_back(o: Fit, sized: Sequence[Sized]) -> Fit:
     """The rows of `linearised_at` with what the causes explain back in the residuals, to first order about there."""
     taken = sum(
-        (o.rows.columns(e, wanted) @ size for e, wanted, size in first_of_each_effect(sized)), start=0 * o.residual
+        (o.rows.columns(e, wanted) @ size for e, wanted, size in _first_of_each_effect(sized)), start=0 * o.residual
     )
     return replace(o, residual=o.residual + taken)
 
 
-def first_of_each_effect(sized: Sequence[Sized]) -> Sequence[Sized]:
+def _first_of_each_effect(sized: Sequence[Sized]) -> Sequence[Sized]:
     """The first of each effect, which has its constants once."""
     return tuple({e.id: (e, wanted, size) for e, wanted, size in reversed(sized)}.values())
 
@@ -216,7 +216,7 @@ def read_gimbals(view: View) -> list[int]:
     return [i for i, a in enumerate(view.stimulus.axis_names) if a in view.read_gimbals]
 
 
-def block_ordinals(recording: Recording) -> Array:
+def _block_ordinals(recording: Recording) -> Array:
     """Ordinal of the block (n,) that each row belongs to: equal parts of each dwell, single rows of one with few."""
     if recording.kind.stabilised:
         return np.zeros(0, dtype=int)
@@ -231,4 +231,4 @@ def block_ordinals(recording: Recording) -> Array:
 
 def shifted_stimulus(o: Fit, shift: Array, stage: Stage) -> Stimulus:
     """Return what a stage experiences once the parameters are shifted by (q,) prior sigmas."""
-    return o.view.evaluate(shifted_model(o, shift)).seen[stage]
+    return o.view.evaluate(_shifted_model(o, shift)).seen[stage]

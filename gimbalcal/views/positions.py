@@ -68,16 +68,16 @@ def view_of_positions(
     rows.triad(FORCE)  # all three axes, or InputError
     stages = dict.fromkeys((*(CATALOGUE[i].stage for i in effects), Stage.ENCODER))
     read = readings(rows)
-    view = view_of_readings(read, noise_model(noise, rows), stages=stages, setting=noise.setting)
+    view = view_of_readings(read, _noise_model(noise, rows), stages=stages, setting=noise.setting)
     return replace(view, acting=frozenset(effects))
 
 
 def in_noise(view: View, noise: Noise) -> View:
     """Return a view of positions in another noise."""
-    return replace(view, noise=noise_model(noise, view.source), local=replace(view.visits, sigma=noise.setting))
+    return replace(view, noise=_noise_model(noise, view.source), local=replace(view.visits, sigma=noise.setting))
 
 
-def noise_model(noise: Noise, rows: Recording) -> NoiseModel:
+def _noise_model(noise: Noise, rows: Recording) -> NoiseModel:
     return NoiseModel(noise.accelerometer / np.sqrt(np.asarray(rows.weight, dtype=float))[:, None], scale_known=True)
 
 

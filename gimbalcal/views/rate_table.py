@@ -98,7 +98,7 @@ def stretches_of(r: Recording) -> Stretches:
     edge = np.concatenate([[False], new]) | np.concatenate([new, [False]]) | ~whole
     groups = np.split(np.flatnonzero(~edge), np.flatnonzero(np.diff(np.flatnonzero(~edge)) > 1) + 1)
     groups = [
-        part for g in groups for part in constant_rate_blocks(g, rate, MAX_RATE_CHANGE * fastest) if len(part) > 1
+        part for g in groups for part in _constant_rate_blocks(g, rate, MAX_RATE_CHANGE * fastest) if len(part) > 1
     ]
     if not any(np.linalg.norm(rate[g].mean(0)) >= MIN_RATE for g in groups):
         raise InputError(
@@ -116,12 +116,12 @@ def stretches_of(r: Recording) -> Stretches:
         np.array([rate[g].mean(0) for g in groups]),
         np.array([C[span].mean(0) for span in spans]),
         np.array([r.time[middle[g]].mean() for g in groups]),
-        vertical_in_base(r),
+        _vertical_in_base(r),
         {key: np.array([x[span].mean() for span in spans]) for key, x in r.channels.items() if key[0] in FOLLOWED},
     )
 
 
-def constant_rate_blocks(group: Array, rate: Array, tolerance: float) -> list[Array]:
+def _constant_rate_blocks(group: Array, rate: Array, tolerance: float) -> list[Array]:
     """Blocks that follow each other, cut where a slow change of the rate adds up to more than `tolerance`."""
     out, first = [], 0
     for k in range(1, len(group) + 1):
@@ -190,7 +190,7 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
     )  # fmt: skip
 
 
-def vertical_in_base(r: Recording) -> Array | None:
+def _vertical_in_base(r: Recording) -> Array | None:
     """Return the vertical (3,) in the axes of the base by the accelerometers; None without them, or where it varies."""
     if set(r.axes(FORCE)) != {"x", "y", "z"} or r.counted(FORCE):
         return None

@@ -81,14 +81,14 @@ def rest_rates(
     columns = [
         (nuisance("level of a power-up", a, "rad/s", np.inf), column)
         for c, a in enumerate("xyz")
-        for column in power_up_columns(means.session, sigma[:, c], c)
+        for column in _power_up_columns(means.session, sigma[:, c], c)
     ]
     if known is None:
         columns.append((nuisance(VERTICAL, "", "rad/s", EARTH_RATE / np.sqrt(3)), force / g))
     if not recording.platform.axes:  # gimbals tell the attitude, and no heading is carried through turns
         down = force / np.linalg.norm(force, axis=1, keepdims=True)
         rate = horizontal_sigma(latitude)
-        columns += [(nuisance("horizontal rate", "", "rad/s", rate), x) for x in heading_columns(down, turns or {})]
+        columns += [(nuisance("horizontal rate", "", "rad/s", rate), x) for x in _heading_columns(down, turns or {})]
     N = np.stack([x for _, x in columns], axis=-1) if columns else None
     noise = NoiseModel(sigma, sample=sigma, wander=of_channels(len(sigma), 3), of_each_channel=True)
     y = scale * means.triad(RATE) - (known or 0.0) * force / g
@@ -128,7 +128,7 @@ def sigma_of_means(recording: Recording) -> Array:
     return np.asarray(np.sqrt((inside**2).mean(0)) / np.sqrt(means.weight)[:, None])
 
 
-def power_up_columns(session: Array, sigma: Array, channel: int) -> list[Array]:
+def _power_up_columns(session: Array, sigma: Array, channel: int) -> list[Array]:
     """Columns (m, 3) of how the level of each power-up is off the mean of all; none for a single one."""
     if not session.any():
         return []
@@ -136,7 +136,7 @@ def power_up_columns(session: Array, sigma: Array, channel: int) -> list[Array]:
     return list(np.einsum("ms,c->smc", each - weight @ each / weight.sum(), np.eye(3)[channel]))
 
 
-def heading_columns(down: Array, turns: Mapping[int, Array]) -> list[Array]:
+def _heading_columns(down: Array, turns: Mapping[int, Array]) -> list[Array]:
     """Two columns (m, 3) for each group of dwells that turns join: unit rates across gravity, down (m, 3)."""
     columns: list[Array] = []
     heading = np.zeros(3)

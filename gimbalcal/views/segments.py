@@ -149,7 +149,7 @@ def segment(recording: Recording) -> Segments:
     else:
         still = velocity_at_stops(rows, length, np.array(first), np.array(stop), density)
         velocity = np.where(np.array(stop) < 0, max(still, DEFAULT_VELOCITY_SIGMA_M_S), still)
-    handled = "velocity" not in recording.noise and is_hand_turned(recording, stop_dwells)
+    handled = "velocity" not in recording.noise and _is_hand_turned(recording, stop_dwells)
     return Segments(
         rows, length, joined, np.array(first), np.array(stop), time, of, groups, sigma, shown, velocity, stated,
         source, handled,
@@ -179,11 +179,11 @@ def velocity_at_stops(
     white = density**2 * second
     chance = max(variance / 6, white) / np.sqrt(late.size)
     return float(
-        np.sqrt(max((6 * covariance - variance) / 16, chance, sway_variance([u for u in gained if len(u) > 4], white)))
+        np.sqrt(max((6 * covariance - variance) / 16, chance, _sway_variance([u for u in gained if len(u) > 4], white)))
     )
 
 
-def sway_variance(gained: Sequence[Array], white: float) -> float:
+def _sway_variance(gained: Sequence[Array], white: float) -> float:
     """Return the mean square of velocities that gains (n, 3) of stops add up to, less that of noise of this variance.
 
     It is zero where they add up to no more than white noise does by chance.
@@ -242,7 +242,7 @@ def stop_rows(recording: Recording) -> list[Dwell]:
     return out
 
 
-def is_hand_turned(recording: Recording, stop_dwells: Sequence[Dwell]) -> bool:
+def _is_hand_turned(recording: Recording, stop_dwells: Sequence[Dwell]) -> bool:
     """Return whether forces other than gravity act while the unit turns, as by a hand and not by a table."""
     size = np.linalg.norm(recording.triad(FORCE), axis=1)
     still = np.zeros(len(size), dtype=bool)

@@ -69,7 +69,7 @@ def on_gimbals(recording: Recording, moves: Sequence[Slew]) -> SlewMotion:
     """The motion as the readouts tell it, smoothed."""
     row = np.concatenate([r for r, _ in moves])
     slew = np.concatenate([np.full(len(r), i) for i, (r, _) in enumerate(moves)])
-    angle = np.concatenate([smoothed_angles(recording.angles()[r]) for r, _ in moves])
+    angle = np.concatenate([_smoothed_angles(recording.angles()[r]) for r, _ in moves])
     part = recording.select(row)
     turned = {("gimbal_angle", a): angle[:, i] for i, a in enumerate(part.platform.axis_names)}
     part = part.with_channels(turned)
@@ -82,7 +82,7 @@ def on_gimbals(recording: Recording, moves: Sequence[Slew]) -> SlewMotion:
     return SlewMotion(row, slew, C, rate, s, np.swapaxes(C, -1, -2) @ axes)
 
 
-def smoothed_angles(angle: Array) -> Array:
+def _smoothed_angles(angle: Array) -> Array:
     """Readouts (n, k) of one slew through parabolas: even about each row, so that nothing comes early or late."""
     from scipy.signal import savgol_filter
 

@@ -82,7 +82,7 @@ def view_of_slews(
     if not late or (not gimballed and RATE not in read):
         return "the sensors count, and a delay shows in SI"
     motion = on_gimbals(recording, moves) if gimballed else by_hand(recording, moves)
-    if FORCE in late and slews_with_moving_force(motion) < MIN_SLEWS:  # as on a table that turns about the vertical
+    if FORCE in late and _slews_with_moving_force(motion) < MIN_SLEWS:  # as on a table that turns about the vertical
         read = late = tuple(q for q in late if q != FORCE)
         if not late:
             return f"fewer than {MIN_SLEWS} slews move gravity"
@@ -122,7 +122,7 @@ def view_of_slews(
     )  # fmt: skip
 
 
-def slews_with_moving_force(motion: SlewMotion) -> int:
+def _slews_with_moving_force(motion: SlewMotion) -> int:
     """Slews in which the force moves, so that it can come late."""
     force = motion.stimulus.force
     return sum(
@@ -154,11 +154,11 @@ def _shifted_home(onto: _Onto, recording: Recording) -> tuple[Rows, Array]:
         if np.all(np.abs(mean) < MIN_DELAY_SIGMAS * spread):
             break
         at = at + mean
-        shifted = shifted_recording(recording, dict(zip(onto.late, at, strict=True)))
-    return replace(rows, residual=rows.residual + at), scaled_sigmas(sigma, rows.residual)
+        shifted = _shifted_recording(recording, dict(zip(onto.late, at, strict=True)))
+    return replace(rows, residual=rows.residual + at), _scaled_sigmas(sigma, rows.residual)
 
 
-def shifted_recording(recording: Recording, by: dict[str, float]) -> Recording:
+def _shifted_recording(recording: Recording, by: dict[str, float]) -> Recording:
     """The recording with quantities as they were `by` [s] earlier than their rows, through cubics."""
     from scipy.interpolate import CubicSpline
 
@@ -281,7 +281,7 @@ def _less_common(sigma: Array, common: Array) -> Array:
     return np.asarray(sigma.T[:, :, None] * W / sigma.T[:, None, :])
 
 
-def scaled_sigmas(sigma: Array, delay: Array) -> Array:
+def _scaled_sigmas(sigma: Array, delay: Array) -> Array:
     """Sigmas (m, C) so that the delays of each channel scatter by them about their mean."""
     w = 1 / sigma**2
     mean = (w * delay).sum(0) / w.sum(0)

@@ -39,8 +39,8 @@ class Sweeps:
 
 def swept_rotation(sweeps: Sweeps, effects: Sequence[Effect] = ()) -> Array:
     """Return the rotation of the frame in each interval (m, 3, 3), with these effects of the gyroscopes."""
-    w, _ = corrected_rates(sweeps, effects)
-    return cumulative_rotations(w.reshape(sweeps.reading.shape) * sweeps.step[..., None])[0]
+    w, _ = _corrected_rates(sweeps, effects)
+    return _cumulative_rotations(w.reshape(sweeps.reading.shape) * sweeps.step[..., None])[0]
 
 
 def swept_rows(sweeps: Sweeps, effects: Sequence[Effect]) -> tuple[Array, Rows]:
@@ -49,9 +49,9 @@ def swept_rows(sweeps: Sweeps, effects: Sequence[Effect]) -> tuple[Array, Rows]:
     Raises InputError where different rates read the same.
     """
     m, n = sweeps.step.shape
-    w, D = corrected_rates(sweeps, effects)
+    w, D = _corrected_rates(sweeps, effects)
     phi = w.reshape(m, n, 3) * sweeps.step[..., None]
-    P, tail = cumulative_rotations(phi)
+    P, tail = _cumulative_rotations(phi)
     moved = -(tail @ left_jacobian(phi) @ np.linalg.inv(D).reshape(m, n, 3, 3)) * sweeps.step[..., None, None]
     read = linearise(BENCH, sweeps.stimulus.at(rate=w), effects, channels=RATES, stages=GYROSCOPE_STAGES)
     answer = {
@@ -60,7 +60,7 @@ def swept_rows(sweeps: Sweeps, effects: Sequence[Effect]) -> tuple[Array, Rows]:
     return P, Rows(BENCH, read.kind, read.stimulus, read.effects, RATES, np.zeros((m, 3)), read.seen, answer)
 
 
-def corrected_rates(sweeps: Sweeps, effects: Sequence[Effect]) -> tuple[Array, Array]:
+def _corrected_rates(sweeps: Sweeps, effects: Sequence[Effect]) -> tuple[Array, Array]:
     """Rates (m n, 3) that read as they do, and D (m n, 3, 3)."""
     w, D, flat = invert_response(lambda rate: gyroscopes(rate, sweeps.stimulus, effects), sweeps.reading.reshape(-1, 3))
     if np.any(flat):
@@ -68,7 +68,7 @@ def corrected_rates(sweeps: Sweeps, effects: Sequence[Effect]) -> tuple[Array, A
     return w, D
 
 
-def cumulative_rotations(phi: Array) -> tuple[Array, Array]:
+def _cumulative_rotations(phi: Array) -> tuple[Array, Array]:
     """Rotation of each interval (m, 3, 3), and that from each sample on (m, n, 3, 3), of rotation vectors (m, n, 3)."""
     C = exponential(phi)
     tail = np.empty_like(C)

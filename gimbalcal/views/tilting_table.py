@@ -39,8 +39,8 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: floa
     these, so that the sizes come from fine steps, while coarse ones distinguish the causes. Raises InputError for a
     table that is logged too shortly or in counts, and for a unit that turns or accelerates far more than a table.
     """
-    refuse_unsuitable(recording)
-    fine = block_means(recording, step)
+    _refuse_unsuitable(recording)
+    fine = means_over_duration(recording, step)
     rate, y = fine.triad(RATE), fine.triad(FORCE)  # what is read of the turning, as nothing else measures it
     s = stimulus_from_truth(fine, -fine.site.gravity * np.eye(3)[2] + 0 * rate, rate)
     size = _rows_in(fine, BLOCK_S)
@@ -53,7 +53,7 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: floa
     def rows(effects: Sequence[Effect]) -> Rows:
         return linearise(fine.platform, s, effects, channels=channels, read=y, stages=stages).reduced(centred_means)
 
-    blocks = block_means(fine, BLOCK_S)
+    blocks = means_over_duration(fine, BLOCK_S)
     change = float(np.linalg.norm(centred_means(y), axis=1).max()) / recording.site.gravity
     if change > MAX_TILT:
         raise InputError(
@@ -70,7 +70,7 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: floa
     )  # fmt: skip
 
 
-def refuse_unsuitable(recording: Recording) -> None:
+def _refuse_unsuitable(recording: Recording) -> None:
     logged = next((u for u in recording.units.values() if is_raw(u)), "")
     if logged:
         raise InputError(
@@ -85,7 +85,7 @@ def refuse_unsuitable(recording: Recording) -> None:
         )
 
 
-def block_means(recording: Recording, duration: float) -> Recording:
+def means_over_duration(recording: Recording, duration: float) -> Recording:
     """Return means over blocks of rows of about this duration [s]; a last, shorter block is left out."""
     size = _rows_in(recording, duration)
     time, weight = _means(recording.time, size), _means(recording.weight, size) * size

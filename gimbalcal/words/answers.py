@@ -47,8 +47,8 @@ RECORD_IT = "Next: turn the rig through schedule.toml while it logs."
 def plan_answer(o: Observability) -> str:
     """Return which parameters positions or a static run determine, how well, and what to do next."""
     unseen = o.unobservable
-    text = as_sentence(f"{o.schedule} determines {determined_count(len(o.rows), len(unseen))} of the parameters")
-    text += precision_sentence(o.rows, unseen)
+    text = as_sentence(f"{o.schedule} determines {_determined_count(len(o.rows), len(unseen))} of the parameters")
+    text += _precision_sentence(o.rows, unseen)
     if unseen:
         text += (
             f" {capitalised(number_and_noun(len(unseen), 'combination'))} cannot be observed, and a longer recording "
@@ -57,13 +57,13 @@ def plan_answer(o: Observability) -> str:
     return text
 
 
-def precision_sentence(rows: Sequence[PredictedSigma], unobservable: Sequence[Unobservable]) -> str:
+def _precision_sentence(rows: Sequence[PredictedSigma], unobservable: Sequence[Unobservable]) -> str:
     undetermined = unobservable_leading(unobservable)
     determined = [r for r in rows if r.parameter.label not in undetermined]
     return least_precise_sentence((r.parameter.name, r.sigma, r.parameter.unit) for r in determined)
 
 
-def determined_count(total: int, unobservable: int) -> str:
+def _determined_count(total: int, unobservable: int) -> str:
     return (
         f"{total - unobservable} of {total} combinations"
         if unobservable
@@ -73,9 +73,9 @@ def determined_count(total: int, unobservable: int) -> str:
 
 def positions_answer(d: PositionsDesign) -> str:
     """Return which parameters designed positions determine, how well, compared with which, and what to do next."""
-    share = determined_count(len(d.parameters), len(d.unobservable))
+    share = _determined_count(len(d.parameters), len(d.unobservable))
     text = sentence(f"{d.origin}, determine {share} of the parameters")
-    text += precision_sentence(d.rows, d.unobservable)
+    text += _precision_sentence(d.rows, d.unobservable)
     text += f" {sentence(d.position_error)}" if d.position_error else ""
     text += f" {sentence(d.law.in_words)}" if d.law else ""
     what, which = ("that error", "") if d.position_error else ("σ", ", on average")
@@ -116,7 +116,7 @@ def turning_answer(o: TurningObservability) -> str:
 
 def next_answer(plan: NextPlan) -> str:
     """Return what to record next, what it gains in which time, and how far away the goal is."""
-    goal = distance_to_goal(plan)
+    goal = _distance_to_goal(plan)
     if plan.reached or not plan.steps:
         return goal if plan.reached else f"{goal} No position, duration or temperature of this rig changes that."
     best = plan.steps[0]
@@ -134,7 +134,7 @@ def _with_turn(step: NextStep) -> str:
     return f", {duration_in_words(step.seconds)} with the turn" if step.angles or step.towards else ""
 
 
-def distance_to_goal(plan: NextPlan) -> str:
+def _distance_to_goal(plan: NextPlan) -> str:
     """Return how far it is to what is to be reached or separated; empty without a goal."""
     if plan.target is not None:
         short = [f"{p.name} {p.axis}".strip() for p in plan.not_reached]
@@ -162,7 +162,7 @@ def campaign_answer(c: CampaignSummary) -> str:
     rows = with_estimate(c)
     runs = number_of(c.runs, "run")
     if not rows:
-        return f"{runs} without an estimate: {reasons_in_words(c)}. Next: check the scenario."
+        return f"{runs} without an estimate: {_reasons_in_words(c)}. Next: check the scenario."
     low, high = ratio_interval_by_chance(min(r.runs for r in rows), len(rows))
     ratios = [r.ratio for r in rows]
     large, off = larger_errors(rows), with_offset(rows)
@@ -170,11 +170,11 @@ def campaign_answer(c: CampaignSummary) -> str:
     text = f"In {runs} errors are {size}; chance alone gives {low:.2f} to {high:.2f}."
     if large:
         errors, exceed = ("errors", "exceed their") if len(large) > 1 else ("error", "exceeds its")
-        text += f" The {errors} of {names_of_rows(large)} {exceed} σ."
+        text += f" The {errors} of {_names_of_rows(large)} {exceed} σ."
     if off:
-        text += f" The mean error of {names_of_rows(off)} is not zero."
+        text += f" The mean error of {_names_of_rows(off)} is not zero."
     if c.failed:
-        text += f" {number_of(c.failed, 'run')} ended with a reservation: {reasons_in_words(c)}."
+        text += f" {number_of(c.failed, 'run')} ended with a reservation: {_reasons_in_words(c)}."
     if large or off:
         return f"{text} Next: `gimbalcal diagnose` a simulated recording of this scenario."
     small = min(r.runs for r in rows) < 50
@@ -222,11 +222,11 @@ def _max_mean_sigmas(parameters: int) -> float:
     return float(-ndtri(MIN_P_VALUE / parameters / 2))
 
 
-def names_of_rows(rows: Sequence[ParameterErrors]) -> str:
+def _names_of_rows(rows: Sequence[ParameterErrors]) -> str:
     return list_in_words([label_in_words(r.parameter) for r in rows], MAX_NAMED)
 
 
-def reasons_in_words(c: CampaignSummary) -> str:
+def _reasons_in_words(c: CampaignSummary) -> str:
     worst = next(iter(c.outcomes), "")
     return typeset(worst.rstrip(".")) or "no reason is stated"
 

@@ -71,28 +71,28 @@ def calibration_in_words(c: Calibration) -> str:
     limits = "".join(f" {sentence(text)}" for text in c.provenance.limits or ())
     if c.outcome:
         return typeset(sentence(c.outcome) + limits)
-    residual = f"{capitalised(residual_against_noise(c))}.{outliers_sentence(c)}"
-    return typeset(f"{residual}{limits} {determined_sentence(c)}{_next_of_calibration(c)}")
+    residual = f"{capitalised(_residual_against_noise(c))}.{_outliers_sentence(c)}"
+    return typeset(f"{residual}{limits} {_determined_sentence(c)}{_next_of_calibration(c)}")
 
 
 def _next_of_calibration(c: Calibration) -> str:
     """Return what to do with a calibration that fits; one that does not fit names the step with the reason."""
     if calibration_verdict(c) != "fits" or c.residual.dof <= 0:
         return ""
-    total, confounded = len(c.parameters), len(confounded_labels(c))
+    total, confounded = len(c.parameters), len(_confounded_labels(c))
     if 0 < total < 2 * confounded:
         both = " and calibrate them jointly with this recording" if confounded < total else ""
         return f" Next: record more attitudes{both}; `gimbalcal observe` predicts what each determines."
     return " Next: `gimbalcal apply` corrects recordings with it."
 
 
-def confounded_labels(c: Calibration) -> list[str]:
+def _confounded_labels(c: Calibration) -> list[str]:
     """Return the labels of the parameters that the data do not determine one by one."""
     return list(dict.fromkeys(label for u in c.null_directions for label in leading_labels(u.direction)))
 
 
-def determined_sentence(c: Calibration) -> str:
-    parameters, confounded = c.parameters, confounded_labels(c)
+def _determined_sentence(c: Calibration) -> str:
+    parameters, confounded = c.parameters, _confounded_labels(c)
     if not c.null_directions:
         return f"All {number_and_noun(len(parameters), 'parameter')} are determined."
     names = list_in_words([*map(label_in_words, confounded)], MAX_NAMED)
@@ -101,13 +101,13 @@ def determined_sentence(c: Calibration) -> str:
     return f"{determined}; these data do not determine {names}{separately} (the report gives the reason)."
 
 
-def residual_against_noise(c: Calibration) -> str:
+def _residual_against_noise(c: Calibration) -> str:
     """Return how large the residual is, and what that says of the model and of the noise."""
     ratio, _, judgement = goodness_of_fit(c.residual.chi2, c.residual.dof)
     if isnan(ratio):
         return "there are as many unknowns as data, so the fit cannot be tested: record more positions"
     if scaled_to_residual(c) and judgement == "fits":
-        return residual_as_noise(c)
+        return _residual_as_noise(c)
     stated = noise_is_stated(c)
     size = f"{ratio:.2f} times the {'stated noise' if stated else 'noise of the samples'}"
     if judgement == "fits":
@@ -132,7 +132,7 @@ def candidate_terms(c: Calibration) -> list[TermTest]:
     return [t for t in outside if t.p_value * len(outside) < MIN_P_VALUE]
 
 
-def residual_as_noise(c: Calibration) -> str:
+def _residual_as_noise(c: Calibration) -> str:
     """Return how large the residual is where its scatter is the only estimate of the noise."""
     rms = c.residual.rms
     force = sqrt(sum(x**2 for channel, x in rms.items() if channel.startswith("specific_force")))
@@ -156,7 +156,7 @@ def residual_as_noise(c: Calibration) -> str:
     return f"the readings scatter{size_of_force} about the calibration, and every sigma is scaled to that{wandering}"
 
 
-def outliers_sentence(c: Calibration) -> str:
+def _outliers_sentence(c: Calibration) -> str:
     """Return a sentence on stars far from all others; empty for none."""
     stars = c.provenance.far_off or ()
     if not stars:

@@ -52,7 +52,7 @@ GIMBAL_STAGES = (Stage.ENCODER, Stage.AXIS_TILT)
 def headline(d: Diagnosis) -> str:
     """Return two to four sentences on a diagnosis; its curves give the size of the misfit in the readings."""
     if not d.outcome:
-        return verdict_headline(d)
+        return _verdict_headline(d)
     if d.provenance.get("untested"):
         return f"The model is not tested. {as_sentence(d.outcome)} Next: hold the unit in more attitudes."
     if d.verdict == "adequate":
@@ -64,23 +64,23 @@ def headline(d: Diagnosis) -> str:
     different = [u.shape.startswith(DIFFERENT_UNITS) for u in d.unexplained]
     if d.verdict == "unexplained" and different and all(different):
         return f"{as_sentence(d.outcome)} Otherwise no known physics is missing."
-    both = [verdict_headline(d), reservation_without_advice(d.outcome)]
+    both = [_verdict_headline(d), _reservation_without_advice(d.outcome)]
     first = d.verdict == "unexplained" or d.provenance.get("sessions")
     return " ".join(both[::-1] if first else both)  # a fault of the recording, or that it is of two units, comes first
 
 
-def verdict_headline(d: Diagnosis) -> str:
+def _verdict_headline(d: Diagnosis) -> str:
     if d.verdict == "adequate":
-        return adequate_headline(d)
+        return _adequate_headline(d)
     if d.verdict == "unexplained":
-        return unexplained_headline(d)
+        return _unexplained_headline(d)
     if d.verdict == "not-identifiable":
         advice = next((f.separate_by for f in d.findings if f.separate_by), "")
         step = f"{advice[:1].lower()}{advice[1:]}" if advice else "record other positions or conditions."
-        each = [as_one_of_several(f) for f in d.findings[:MAX_FINDINGS]]
+        each = [_as_one_of_several(f) for f in d.findings[:MAX_FINDINGS]]
         return " ".join(["Something is missing, and these data do not determine what.", *each, f"Next: {step}"])
     text = " ".join(
-        as_one_of_several(f) if has_many_alternatives(f) else f"{finding_sentence(f)}{alternatives_sentence(f)}"
+        _as_one_of_several(f) if _has_many_alternatives(f) else f"{finding_sentence(f)}{_alternatives_sentence(f)}"
         for f in d.findings[:MAX_FINDINGS]
     )
     if len(d.findings) > MAX_FINDINGS:
@@ -93,16 +93,18 @@ def verdict_headline(d: Diagnosis) -> str:
     return f"{text} {_next_of_findings(d.findings)}"
 
 
-def adequate_headline(d: Diagnosis) -> str:
+def _adequate_headline(d: Diagnosis) -> str:
     """Return what an adequate fit shows, of the sensors that were analysed, and an unexplained scatter."""
     for start, analysed in ((GYROSCOPES_NOT_ANALYSED, "accelerometers"), (FORCES_NOT_ANALYSED, "gyroscopes")):
         if omitted := next((n for n in d.provenance.get("notes", ()) if n.startswith(start)), ""):
-            fits = f"Nothing is missing in the model of the {analysed}{residuals_sentence(d.fit)}"
+            fits = f"Nothing is missing in the model of the {analysed}{_residuals_sentence(d.fit)}"
             return f"{fits}, whose calibration can be used. {omitted}"
     if excess := _excess_scatter(d.fit):
         change = f"outputs change from one position to the next: {excess}"
         return f"No known physics is missing, but {change}. The sigmas of the calibration include that scatter."
-    return f"Nothing is missing: the model explains these data{residuals_sentence(d.fit)}. The calibration can be used."
+    return (
+        f"Nothing is missing: the model explains these data{_residuals_sentence(d.fit)}. The calibration can be used."
+    )
 
 
 def _excess_scatter(fit: FitSummary) -> str:
@@ -113,7 +115,7 @@ def _excess_scatter(fit: FitSummary) -> str:
     return f"the residuals of the {name} are {ratio:.2g} times the standard error from the scatter of the samples"
 
 
-def reservation_without_advice(outcome: str) -> str:
+def _reservation_without_advice(outcome: str) -> str:
     """Return the reservation of a calibration, without its advice to run a diagnosis: this is one."""
     sentences = re.split(r"(?<=\.) (?=[A-Z])", labels_in_words(outcome))
     return " ".join(as_sentence(s) for s in sentences if "`gimbalcal diagnose`" not in s) or as_sentence(outcome)
@@ -121,10 +123,10 @@ def reservation_without_advice(outcome: str) -> str:
 
 def finding_sentence(f: Finding) -> str:
     """Return what one finding does, as a sentence with its size."""
-    return as_sentence(finding_clause(f))
+    return as_sentence(_finding_clause(f))
 
 
-def finding_clause(f: Finding) -> str:
+def _finding_clause(f: Finding) -> str:
     cls, size = CATALOGUE[f.effect], size_in_words(f)
     if not cls.says:
         return f"{name_in_words(f.effect, f.axis)} is present in these data, {size}"
@@ -134,7 +136,7 @@ def finding_clause(f: Finding) -> str:
         value, sigma = pdg_rounded(abs(p.value), p.sigma)
         when = "later" if sign * p.value > 0 else "earlier"
         return f"{channel} is logged {value} ± {sigma} {p.unit} {when} than the other channels"
-    if f.effect == "position_blunder" and (position := position_number(f)):
+    if f.effect == "position_blunder" and (position := _position_number(f)):
         return f"position {position} was not set as its readout states, or was disturbed: {size}"
     return cls.says.format(who=sensor_in_words(cls, f.axis), size=size)
 
@@ -166,18 +168,18 @@ def size_in_words(f: Finding) -> str:
     '14.83 ± 0.34 µg per °C'
     """
     fixed = {c.name for c in constants(CATALOGUE[f.effect])}
-    parts = combine_amplitudes([p for p in f.parameters if _own_name(p) not in fixed])
+    parts = _combine_amplitudes([p for p in f.parameters if _own_name(p) not in fixed])
     clear = [p for p in parts if distinct_from_zero(p.value, p.sigma)]
     if parts and not clear:
-        return _at_most(max(parts, key=upper_bound))
+        return _at_most(max(parts, key=_upper_bound))
     ranked = sorted(clear, key=lambda p: -abs(p.value))
     several = len({p.axis for p in parts}) > 1
     sizes = [
-        value_in_words(p) + (f" ({without_underscores(p.axis)})" if several and p.axis else "") for p in ranked[:2]
+        _value_in_words(p) + (f" ({without_underscores(p.axis)})" if several and p.axis else "") for p in ranked[:2]
     ]
     smaller = f" and {number_and_noun(len(parts) - 2, 'smaller', 'smaller')}" if len(ranked) > 2 else ""
     with_constants = "".join(
-        f", {CONSTANTS[_own_name(p)]} {value_in_words(p, counts=True)}"
+        f", {CONSTANTS[_own_name(p)]} {_value_in_words(p, counts=True)}"
         for p in f.parameters
         if _own_name(p) in fixed & CONSTANTS.keys() and distinct_from_zero(p.value, p.sigma)
     )
@@ -189,7 +191,7 @@ def _own_name(p: Estimate) -> str:
     return p.name.rpartition(".")[2]
 
 
-def upper_bound(p: Estimate) -> float:
+def _upper_bound(p: Estimate) -> float:
     return float(abs(p.value) + MIN_VALUE_SIGMAS * p.sigma)
 
 
@@ -201,10 +203,12 @@ def _at_most(p: Estimate) -> str:
     'at most 37 mg per g²'
     """
     share = p.unit == "1"
-    return f"at most {significant(upper_bound(p) * (100 if share else 1), 2)} {'%' if share else unit_in_words(p.unit)}"
+    return (
+        f"at most {significant(_upper_bound(p) * (100 if share else 1), 2)} {'%' if share else unit_in_words(p.unit)}"
+    )
 
 
-def combine_amplitudes(parameters: Sequence[Estimate]) -> list[Estimate]:
+def _combine_amplitudes(parameters: Sequence[Estimate]) -> list[Estimate]:
     """Return the parameters with sine and cosine of one axis combined into their amplitude."""
     out: dict[tuple[str, str], Estimate] = {}
     for p in parameters:
@@ -219,7 +223,7 @@ def combine_amplitudes(parameters: Sequence[Estimate]) -> list[Estimate]:
     return list(out.values())
 
 
-def value_in_words(p: Estimate, counts: bool = False) -> str:
+def _value_in_words(p: Estimate, counts: bool = False) -> str:
     """Return value and sigma; a plain number is a share, in per cent, unless it `counts`, as the teeth of a wheel."""
     value, sigma, unit = p.value, p.sigma, p.unit
     if unit == "1":
@@ -238,27 +242,27 @@ def unit_in_words(unit: str) -> str:
     return unit_in_print(plain.replace("/", " per ").replace("|", "/").replace("(", "").replace(")", ""))
 
 
-def position_number(f: Finding) -> int:
+def _position_number(f: Finding) -> int:
     return next((round(p.value) for p in f.parameters if _own_name(p) == "position"), 0)
 
 
-def alternatives_sentence(f: Finding) -> str:
+def _alternatives_sentence(f: Finding) -> str:
     names = " or ".join(name_in_words(t) for t in f.twins)
     return f" It may equally be {names}: these data do not distinguish them." if names else ""
 
 
-def has_many_alternatives(f: Finding) -> bool:
+def _has_many_alternatives(f: Finding) -> bool:
     """Return whether a finding has more confounded causes than are named one by one."""
     return 1 + len(f.twins) > MAX_ALTERNATIVES
 
 
-def as_one_of_several(f: Finding) -> str:
+def _as_one_of_several(f: Finding) -> str:
     """Return a finding as one of several causes that fit equally well."""
     names = [name_in_words(t) for t in f.twins]
     other = f", or the cause is {' or '.join(names)}" if names else ""
-    if has_many_alternatives(f):
+    if _has_many_alternatives(f):
         other = f", or the cause is one of {number_and_noun(len(names), 'other')} that fit these data equally well"
-    return f"Possibly {finding_clause(f)}{other}."
+    return f"Possibly {_finding_clause(f)}{other}."
 
 
 def _next_of_findings(findings: Sequence[Finding]) -> str:
@@ -266,7 +270,7 @@ def _next_of_findings(findings: Sequence[Finding]) -> str:
     disturbed = [f for f in findings if f.effect == "position_blunder"]
     added = [f for f in findings if f not in late and f not in disturbed]
     steps = ["shift the time stamps by that much"] if late else []
-    steps += [f"leave position {position_number(f)} out, or record it again" for f in disturbed]
+    steps += [f"leave position {_position_number(f)} out, or record it again" for f in disturbed]
     if added:
         options = " ".join(f"--with {f.effect}{f':{f.axis}' if f.axis and ' ' not in f.axis else ''}" for f in added)
         which = "it" if len(added) == 1 else "them"
@@ -276,23 +280,23 @@ def _next_of_findings(findings: Sequence[Finding]) -> str:
     return f"Next: {'; '.join(steps)}."
 
 
-def unexplained_headline(d: Diagnosis) -> str:
+def _unexplained_headline(d: Diagnosis) -> str:
     size = _size_in_readings(d)
     if d.laws:
         formula = f"{as_sentence(laws_in_words(d.laws))} No known effect does that; a formula fits these data."
         return f"{formula}{size} {next_of_laws(d.laws, d.recommend)}"
     shape = next(iter(d.unexplained), None)
-    follows = f" It {shape_sentence(shape.shape)}, in {without_underscores(shape.channel)}." if shape else ""
+    follows = f" It {_shape_sentence(shape.shape)}, in {without_underscores(shape.channel)}." if shape else ""
     usual = "look at the chart below, and record again while that quantity is varied deliberately"
     step = f"Next: {typeset((d.recommend or usual).rstrip('.'))}. Do not trust the calibration beyond that."
     return f"Something is missing that no known effect explains.{size}{follows} {step}"
 
 
-def shape_sentence(shape: str) -> str:
+def _shape_sentence(shape: str) -> str:
     return shape if shape.startswith(("depends", "follows", "is ", "comes", "grows")) else f"looks like {shape}"
 
 
-def residuals_sentence(fit: FitSummary) -> str:
+def _residuals_sentence(fit: FitSummary) -> str:
     """Return how large the residuals of an adequate fit are: in their unit, or relative to the noise that is known."""
     if (misfit := fit.misfit) is not None:
         size = f"{significant(misfit.rms_after, 3)} {unit_in_print(misfit.unit)}"
@@ -312,10 +316,10 @@ def _size_in_readings(d: Diagnosis) -> str:
     i = curves.channels.index(worst) if worst in curves.channels else int(np.argmax(moved.max(axis=0)))
     size, unit = float(moved[:, i].max()), curves.units[i]
     if not size:
-        return f" The readings are off by {size_in_print(float(np.sqrt((residual[:, i] ** 2).mean())), unit)} rms."
-    return f" Without it, readings are off by up to {size_in_print(size, unit)}."
+        return f" The readings are off by {_size_in_print(float(np.sqrt((residual[:, i] ** 2).mean())), unit)} rms."
+    return f" Without it, readings are off by up to {_size_in_print(size, unit)}."
 
 
-def size_in_print(size: float, unit: str) -> str:
+def _size_in_print(size: float, unit: str) -> str:
     printed = printed_unit(size, unit)
     return f"{significant(float(from_si(to_si(size, unit), printed)), 2)} {unit_in_print(printed)}"

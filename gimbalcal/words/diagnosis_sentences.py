@@ -455,7 +455,7 @@ def cost_in_words(hours: float, known: float, left_out: float, raw: float | None
     >>> cost_in_words(24.0, 0.5, 0.003)
     'next to nothing of position, 5.6 m in 24 h at rest; with it in the calibration 0.5 n mile (one sigma) stay open'
     """  # noqa: E501
-    off, least, rest = distance_in_words(left_out), distance_in_words(known), "with it in the calibration"
+    off, least, rest = _distance_in_words(left_out), _distance_in_words(known), "with it in the calibration"
     if raw is None:
         if left_out < MIN_SHARE * known:
             return f"next to nothing of position, {off} in {hours:.3g} h at rest; {rest} {least} (one sigma) stay open"
@@ -467,11 +467,11 @@ def cost_in_words(hours: float, known: float, left_out: float, raw: float | None
         return f"nothing of position, off by up to {least} in {hours:.3g} h with it or without"
     return (
         f"in {hours:.3g} h the position is off by up to {off} if it is left out, {least} {rest}, "
-        f"{'only ' if raw < left_out else ''}{distance_in_words(raw)} without any calibration"
+        f"{'only ' if raw < left_out else ''}{_distance_in_words(raw)} without any calibration"
     )
 
 
-def distance_in_words(miles: float) -> str:
+def _distance_in_words(miles: float) -> str:
     """Two digits, in metres where n miles have too many zeros."""
     if miles < SHORT_NMI:
         return f"{miles * NAUTICAL_MILE:.2g} m"

@@ -38,7 +38,7 @@ def comparison_in_words(c: UnitComparison) -> str:
         )
     else:
         more = f", and {len(moved) - 3} more" if len(moved) > 3 else ""
-        text = f"{start} do not agree: {'; '.join(change_sentence(h, c.calibrations) for h in moved[:3])}{more}."
+        text = f"{start} do not agree: {'; '.join(_change_sentence(h, c.calibrations) for h in moved[:3])}{more}."
         text += f" Next: {_next_step(moved[0], c.calibrations)}."
     if any(s.same_recording for s in c.steps):
         text += " Some are from the same recording and are not compared with each other."
@@ -75,17 +75,17 @@ def day_in_words(date: datetime, among: Sequence[DatedCalibration]) -> str:
     return f"{date:%Y-%m-%d}" if alone else f"{date:%Y-%m-%d %H:%M:%S}"
 
 
-def change_sentence(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
+def _change_sentence(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
     """Describe the change of one parameter."""
     unit, name = c.parameter.unit, _parameter_name(c.parameter)
     days = [day_in_words(ordered[k].date, ordered) for k in c.at]
     when = [f" between {days[k - 1]} and {days[k]}" if len(ordered) > 2 else "" for k in c.jumps]
-    parts = [f"jumped by {size_with_unit(size, unit)}{w}" for size, w in zip(c.sizes, when, strict=False)]
+    parts = [f"jumped by {_size_with_unit(size, unit)}{w}" for size, w in zip(c.sizes, when, strict=False)]
     if c.drifts:
-        parts.append(f"drifts by {size_with_unit((c.rate * YEAR, c.rate_sigma * YEAR), unit)} a year")
+        parts.append(f"drifts by {_size_with_unit((c.rate * YEAR, c.rate_sigma * YEAR), unit)} a year")
     off = c.sizes[len(c.jumps) :]
     parts += [
-        f"is off the others by {size_with_unit(size, unit)} on {days[k]}"
+        f"is off the others by {_size_with_unit(size, unit)} on {days[k]}"
         for k, size in zip(c.outliers, off, strict=True)
     ]
     if not parts:
@@ -106,14 +106,14 @@ def _next_step(c: ParameterHistory, ordered: Sequence[DatedCalibration]) -> str:
     return "count on this scatter from one switching-on to the next, not on the sigmas"
 
 
-def size_with_unit(size: tuple[float, float], unit: str) -> str:
-    return f"{signed_rounded(*(float(from_si(v, unit)) for v in size))} {unit}"
+def _size_with_unit(size: tuple[float, float], unit: str) -> str:
+    return f"{_signed_rounded(*(float(from_si(v, unit)) for v in size))} {unit}"
 
 
-def signed_rounded(size: float, sigma: float) -> str:
+def _signed_rounded(size: float, sigma: float) -> str:
     """Return a signed size to the second digit of its sigma.
 
-    >>> signed_rounded(-11.4412, 0.7032), signed_rounded(1234.5, 432.1)
+    >>> _signed_rounded(-11.4412, 0.7032), _signed_rounded(1234.5, 432.1)
     ('-11.44 +- 0.70', '+1234 +- 432')
     """
     places = max(0, 1 - int(np.floor(np.log10(sigma)))) if sigma > 0 else 3
@@ -129,8 +129,8 @@ def _parameter_name(p: Parameter) -> str:
 def unusual_unit_in_words(outside: Sequence[tuple[Distribution, float, float]]) -> str:
     """Name the parameters of a unit that are unusual for its fleet; each with its value and sigma [SI]."""
     parts = [
-        f"{_parameter_name(d.parameter)} is {size_with_unit((x, sigma), d.parameter.unit)} and that of {len(d.units)} "
-        f"units {size_with_unit((d.mean, d.sigma), d.parameter.unit)}"
+        f"{_parameter_name(d.parameter)} is {_size_with_unit((x, sigma), d.parameter.unit)} and that of {len(d.units)} "
+        f"units {_size_with_unit((d.mean, d.sigma), d.parameter.unit)}"
         for d, x, sigma in outside
     ]
     return f"unusual for the fleet, which is no prior of it there: {'; '.join(parts)}"

@@ -79,7 +79,7 @@ def law_in_words(form: str, parameters: Sequence[Estimate], units: Mapping[str, 
     """
     numbers = {p.name: p for p in parameters}
     terms = re.split(r" \+ (?=[a-h]\*)", form)
-    fixed = {name: constant_in_words(p) for name, p in numbers.items() if name not in {t[0] for t in terms}}
+    fixed = {name: _constant_in_words(p) for name, p in numbers.items() if name not in {t[0] for t in terms}}
     clear = [t for t in terms if distinct_from_zero(numbers[t[0]].value, numbers[t[0]].sigma)] or terms
     out = ""
     for t in clear:
@@ -89,7 +89,7 @@ def law_in_words(form: str, parameters: Sequence[Estimate], units: Mapping[str, 
     return out.replace("· where", "where")
 
 
-def constant_in_words(p: Estimate) -> str:
+def _constant_in_words(p: Estimate) -> str:
     """Return a constant with its unit; an angle without one is in radians."""
     number, unit = significant(p.value, 4), p.unit
     if unit in ("1", "rad", "1/rad"):

@@ -23,12 +23,12 @@ def name_in_words(name: str, axis: str = "") -> str:
     ('gimbal zero inner', 'cubic nonlinearity y')
     """
     return (
-        f"{names_by_parameter().get(name, name.replace('_', ' ').replace('.', ', '))} {axis.replace('_', ' ')}".strip()
+        f"{_names_by_parameter().get(name, name.replace('_', ' ').replace('.', ', '))} {axis.replace('_', ' ')}".strip()
     )
 
 
 @cache
-def names_by_parameter() -> dict[str, str]:
+def _names_by_parameter() -> dict[str, str]:
     """Return the names of parameters: that of the effect, and their own after it where the effect has several."""
     from gimbalcal.effects import CATALOGUE, parameters
 
@@ -187,7 +187,7 @@ def labels_in_words(text: str) -> str:
     'changing +1 misalignment xz -1 cubic nonlinearity y; 10:30 stays'
     """
     labels = r"\b([A-Za-z]\w*):([a-z_]+)\b"
-    return re.sub(labels, lambda m: label_in_words(m[0]) if m[1] in names_by_parameter() else m[0], text)
+    return re.sub(labels, lambda m: label_in_words(m[0]) if m[1] in _names_by_parameter() else m[0], text)
 
 
 def typeset(text: str) -> str:

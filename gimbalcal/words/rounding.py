@@ -29,7 +29,7 @@ def pdg_rounded(value: float, sigma: float) -> tuple[str, str]:
     if not (isfinite(value) and isfinite(sigma)) or sigma <= 0:
         return f"{value:.6g}", f"{sigma:.3g}"
     place = last_place(sigma)
-    return rounded_at(value, place), rounded_at(sigma, place)
+    return _rounded_at(value, place), _rounded_at(sigma, place)
 
 
 def distinct_from_zero(value: float, sigma: float) -> bool:
@@ -50,7 +50,7 @@ def last_place(sigma: float) -> int:
     return int(exponent)
 
 
-def rounded_at(x: float, place: int) -> str:
+def _rounded_at(x: float, place: int) -> str:
     """Return x rounded half to even at 10^place, in plain decimal notation without a negative zero."""
     with localcontext(prec=700):  # a float has digits from 1e308 down to 1e-324
         rounded = Decimal(repr(float(x))).quantize(Decimal(1).scaleb(place), rounding=ROUND_HALF_EVEN)
@@ -68,7 +68,7 @@ def significant(x: float, digits: int = 3) -> str:
         return f"{x:g}"
     exponent = int(f"{x:e}".split("e")[1])
     if not -5 < exponent < 6:
-        return with_raised_power(f"{x:.{digits - 1}e}")
+        return _with_raised_power(f"{x:.{digits - 1}e}")
     return f"{float(f'{x:.{digits - 1}e}'):.{max(digits - 1 - exponent, 0)}f}"
 
 
@@ -87,10 +87,10 @@ def printed_number(text: str) -> str:
     >>> printed_number("-0.5"), printed_number("3.20e-09"), printed_number("1e+06")
     ('−0.5', '3.20·10⁻⁹', '10⁶')
     """
-    return with_raised_power(text).replace("-", "−")
+    return _with_raised_power(text).replace("-", "−")
 
 
-def with_raised_power(text: str) -> str:
+def _with_raised_power(text: str) -> str:
     """Return a number with the power of ten after its e raised; any other text unchanged."""
     mantissa, e, power = text.partition("e")
     if not e or not power.lstrip("+-").isdigit():

@@ -29,12 +29,12 @@ def bounds_table(plan: Observability | PositionsDesign) -> str:
 
 def steps_table(plan: NextPlan) -> str:
     """Return what may be recorded next: in words, how long it takes, and what it changes of which parameter."""
-    table = [(s.words, duration_in_words(s.seconds), change_in_print(s)) for s in plan.steps]
+    table = [(s.words, duration_in_words(s.seconds), _change_in_print(s)) for s in plan.steps]
     words, time = (max(len(row[i]) for row in table) for i in range(2))
     return "\n".join(f"  {row[0]:{words}s}  {row[1]:>{time}s}  σ of {row[2]}" for row in table)
 
 
-def change_in_print(s: NextStep) -> str:
+def _change_in_print(s: NextStep) -> str:
     sigmas = f"{significant(s.sigma_now, 3)} → {significant(s.sigma_after, 3)}"
     return f"{naming.without_underscores(s.parameter)} {sigmas} {naming.unit_in_print(s.unit)}"
 

@@ -20,7 +20,7 @@ from gimbalcal.campaign import run_campaign
 from gimbalcal.campaign import workers as campaign_workers
 from gimbalcal.campaign.campaign_folder import CampaignFolder
 from gimbalcal.campaign.monte_carlo import lost_share
-from gimbalcal.campaign.task import Task, comparable_truth, compute_runs, seed_of, task
+from gimbalcal.campaign.task import Task, _comparable_truth, compute_runs, seed_of, task
 from gimbalcal.campaign.workers import compute_in_process, compute_in_processes, connect
 from gimbalcal.effects import parameters
 from gimbalcal.effects.accelerometer import Misalignment, angles_of
@@ -282,7 +282,7 @@ def test_truth_is_turned_into_the_frame_of_the_estimate():
     beta, gamma = 1e-4 * rng.standard_normal((2, 6))
     truth = (Misalignment(beta=beta), GyroMisalignment(beta=gamma))
     wanted = without_gauge([p for e in truth for p in parameters(type(e))])
-    found = {p.label: x for p, x in zip(wanted, comparable_truth(truth, wanted, "multiposition"), strict=True)}
+    found = {p.label: x for p, x in zip(wanted, _comparable_truth(truth, wanted, "multiposition"), strict=True)}
     m = matrices(truth)
     # M = L Q with L lower triangular: Q carries the drawing's frame into the one of the estimate
     Q = np.linalg.qr(m["Ma"].T)[0].T

@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal import diagnose
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.cost import with_cost, with_daily_swing
+from gimbalcal.diagnose.cost import _with_daily_swing, with_cost
 from gimbalcal.diagnose.result import Finding
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.extra_effects import extra_effects
@@ -85,7 +85,7 @@ def test_of_positions_a_still_base_is_navigated_through_the_recorded_temperature
 def test_a_still_base_warms_and_cools_once_a_day_through_what_was_recorded():
     base = still_base(24.0, Site(latitude=0.7))
     logged = replace(base, channels={("temperature", ""): np.linspace(20.0, 30.0, len(base.time))})
-    swung = with_daily_swing(base, [logged])
+    swung = _with_daily_swing(base, [logged])
     hours, degrees = swung.time / 3600, swung.channels["temperature", ""]
     assert np.interp([0.0, 6.0, 12.0, 18.0, 24.0], hours, degrees) == pytest.approx([25.0, 30.0, 25.0, 20.0, 25.0])
     assert (degrees.min(), degrees.max()) == pytest.approx((20.0, 30.0))

@@ -7,7 +7,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.errors import InputError
 from gimbalcal.importers import import_files
 from gimbalcal.importers.pointing_files import SIDEREAL_SECOND_S, sexagesimal
-from gimbalcal.importers.tpoint import equatorial, joined_sexagesimal
+from gimbalcal.importers.tpoint import _joined_sexagesimal, equatorial
 from gimbalcal.platform import KNOWN
 from tests.golden import golden_text, refused
 from tests.paths import REAL
@@ -36,7 +36,7 @@ def test_sexagesimal_keeps_the_sign_of_minus_zero():
     assert sexagesimal(["-00", "30", "36"]) == pytest.approx(-0.51)
     assert sexagesimal(["+12", "15"]) == 12.25
     rows = np.array([[float("-00"), 30.0, 36.0], [float("+00"), 30.0, 36.0], [-12.0, 15.0, 0.0]])
-    np.testing.assert_allclose(joined_sexagesimal(rows), [-0.51, 0.51, -12.25])
+    np.testing.assert_allclose(_joined_sexagesimal(rows), [-0.51, 0.51, -12.25])
 
 
 def clock(hours):

@@ -15,7 +15,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("history.parameter_history", "parameter_history", "still[k - 1]", "still[k - 2]"),
         ("history.parameter_history", "parameter_history", "SIGNIFICANCE / 2 / n", "SIGNIFICANCE / n"),
         ("history.parameter_history", "_one_by_one", "< 0}", "> 0}"),
-        ("history.parameter_history", "weighted_mean", "1 / np.sqrt(w.sum())", "1 / w.sum()"),
+        ("history.parameter_history", "_weighted_mean", "1 / np.sqrt(w.sum())", "1 / w.sum()"),
         ("history.parameter_history", "_with_step", ">= k", "> k"),
         ("history.compare", "UnitComparison.significant", "SIGNIFICANCE / len(self.steps)", "SIGNIFICANCE"),
         ("history.compare", "UnitComparison.due", "first = min(", "first = max("),
@@ -23,7 +23,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     "history/test_compare.py": (
         ("history.compare", "compare", "at, time[at], x", "at, time[: len(at)], x"),
         ("history.compare", "_step", "b.values[j] - a.values[i]", "b.values[j] + a.values[i]"),
-        ("words.history_sentences", "change_sentence", "c.rate * YEAR, c.rate_sigma * YEAR", "c.rate, c.rate_sigma"),
+        ("words.history_sentences", "_change_sentence", "c.rate * YEAR, c.rate_sigma * YEAR", "c.rate, c.rate_sigma"),
     ),
     "history/test_fleet.py": (
         ("history.fleet", "_posterior", "np.log(W)) / 2", "0) / 2"),
@@ -42,20 +42,20 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
             "e.date",
         ),
         ("history.unit_store", "date_of", "date.replace(tzinfo=UTC)", "date.astimezone(UTC)"),
-        ("history.unit_store", "content_digest", 'k != "created"', 'k != "recordings"'),
+        ("history.unit_store", "_content_digest", 'k != "created"', 'k != "recordings"'),
     ),
     "recording/test_dwells.py": (
         ("recording.detection", "detect_rests", "kept = stops - starts >= m", "kept = stops - starts >= 2"),
         ("recording.detection", "_short_and_long", "within + between", "within"),
-        ("recording.detection", "unmoved_stretches", "> noise", "> 100 * noise"),
+        ("recording.detection", "_unmoved_stretches", "> noise", "> 100 * noise"),
         ("recording.detection", "_threshold", "max(THRESHOLD,", "min(THRESHOLD,"),
-        ("recording.detection", "turning_rows", "np.sqrt(variance)", "variance"),
-        ("recording.detection", "turning_rows", "mean - np.median(x[rest])", "mean"),
-        ("recording.detection", "window_statistics", "mean[first:stop] = about + level", "mean[first:stop] = about"),
+        ("recording.detection", "_turning_rows", "np.sqrt(variance)", "variance"),
+        ("recording.detection", "_turning_rows", "mean - np.median(x[rest])", "mean"),
+        ("recording.detection", "_window_statistics", "mean[first:stop] = about + level", "mean[first:stop] = about"),
         ("recording.dwell", "whole_means", "weight.max() / 2", "weight.max() * 2"),
         ("recording.dwell", "usual_step", "way = p == 0", "way = p > 0"),
-        ("recording.dwell", "weighted_mean", "(off * weight).sum() / weight.sum()", "off.mean()"),
-        ("recording.dwell", "weighted_mean", "2 * np.pi * np.round(off / (2 * np.pi))",
+        ("recording.dwell", "_weighted_mean", "(off * weight).sum() / weight.sum()", "off.mean()"),
+        ("recording.dwell", "_weighted_mean", "2 * np.pi * np.round(off / (2 * np.pi))",
         "np.pi * np.round(off / np.pi)"),
         ("recording.dwell", "rests_are_means", "> MEANS *", "< MEANS *"),
     ),
@@ -105,7 +105,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "recording/test_joining.py": (
         ("recording.joining", "_clock", "a.time[-1] < b.time[0]", "a.time[0] < b.time[0]"),
-        ("recording.joining", "session_weights", "(common / r.noise[sensor]) ** 2", "(r.noise[sensor] / common) ** 2"),
+        ("recording.joining", "_session_weights", "(common / r.noise[sensor]) ** 2", "(r.noise[sensor] / common) ** 2"),
     ),
     "checks/test_gravity_turns.py": (
         ("checks.input_errors", "AxisPermutation.inverse", "sign * self.matrix.T", "sign * self.matrix"),
@@ -130,13 +130,13 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("checks.input_errors", "Correction.corrected", "sigma = np.abs(part) @", "sigma = np.eye(len(own)) @"),
     ),
     "importers/test_pointing.py": (
-        ("importers.phd2", "import_phd2", 'DECRawDistance") - pulsed_pixels', 'DECRawDistance") + pulsed_pixels'),
+        ("importers.phd2", "import_phd2", 'DECRawDistance") - _pulsed_pixels', 'DECRawDistance") + _pulsed_pixels'),
         ("importers.phd2", "import_phd2", "drive - west / np.cos(declination)", "drive - west * np.cos(declination)"),
-        ("importers.phd2", "pulsed_pixels", "length / 1000", "length"),
-        ("importers.phd2", "pulsed_pixels", "[[0.0], moved[:-1]]", "[moved]"),
+        ("importers.phd2", "_pulsed_pixels", "length / 1000", "length"),
+        ("importers.phd2", "_pulsed_pixels", "[[0.0], moved[:-1]]", "[moved]"),
         ("importers.tpoint", "_by_stars", "15 * (lst[:, None] - stars[:, ::2])", "15 * (stars[:, ::2] - lst[:, None])"),
         ("importers.tilt_table", "import_tilt_table", "sign * arrays", "arrays"),
-        ("importers.tpoint", "joined_sexagesimal", "np.where(np.signbit(words[:, 0]), -1.0, 1.0)",
+        ("importers.tpoint", "_joined_sexagesimal", "np.where(np.signbit(words[:, 0]), -1.0, 1.0)",
          "np.where(words[:, 0] < 0, -1.0, 1.0)"),
     ),
     "guess/test_proposal.py guess/test_layouts.py": (
@@ -145,7 +145,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     ),
     "guess/test_pointing_run.py": (
         ("guess.pointing_run", "pointing_proposal", "/ np.cos(true[axes[1]])", "* np.cos(true[axes[1]])"),
-        ("guess.pointing_run", "sense_of_offsets", "return -1, f", "return 1, f"),
+        ("guess.pointing_run", "_sense_of_offsets", "return -1, f", "return 1, f"),
     ),
     "guess/test_layouts.py": (
         ("guess.celestial", "axis_angles", "hours - _hours(table, name)", "_hours(table, name) - hours"),
@@ -175,7 +175,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("navigate.static_run", "_errors", "= -navigator_attitude_error", "= navigator_attitude_error"),
         ("navigate.static_run", "horizontal_distance", "M, N = radii", "N, M = radii"),
         ("navigate.static_run", "_navigator_input", "1 + mean_shortening", "1 - mean_shortening"),
-        ("navigate.uncertainty", "sampled_sigma", "V * np.sqrt(np.maximum(w, 0.0))", "V * np.maximum(w, 0.0)"),
+        ("navigate.uncertainty", "_sampled_sigma", "V * np.sqrt(np.maximum(w, 0.0))", "V * np.maximum(w, 0.0)"),
         ("navigate.summary", "_position", "run.position / NAUTICAL_MILE", "run.position"),
         ("navigate.summary", "_position", "np.mean(error**2)", "np.mean(error)"),
     ),
@@ -191,21 +191,21 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
          "true[:, :2] - motion.position[:, :2]"),
         ("navigate.strapdown_unit", "navigate_intervals", "motion.C_bn @ motion.C_bn[0].T",
          "motion.C_bn @ motion.C_bn[0]"),
-        ("navigate.strapdown_unit", "is_at_rest", "< MAX_REST_EARTH_RATES * EARTH_RATE", "< MAX_REST_EARTH_RATES"),
+        ("navigate.strapdown_unit", "_is_at_rest", "< MAX_REST_EARTH_RATES * EARTH_RATE", "< MAX_REST_EARTH_RATES"),
         ("navigate.strapdown_unit", "navigate_intervals", "rotation_vector(motion", "-rotation_vector(motion"),
     ),
     (
         "diagnose/test_cost.py::test_a_drift_left_out_costs_what_it_drifts "
         "diagnose/test_cost.py::test_what_the_others_take_up_costs_nothing"
     ): (
-        ("diagnose.cost", "cost_of_effects", ".position.max()) / NAUTICAL_MILE for c", ".position.max()) for c"),
+        ("diagnose.cost", "_cost_of_effects", ".position.max()) / NAUTICAL_MILE for c", ".position.max()) for c"),
     ),
     "diagnose/verdict/test_joint_fit.py::test_without_a_cause_the_others_take_up_what_they_can": (
         ("diagnose.verdict.joint_fit", "JointFit.without", " if c.effect != effect_id]", "]"),
     ),
     "diagnose/verdict/test_agreement.py": (
         ("estimate.sharing", "agreement_test", "shared.dof - sum(s.dof for s in alone)", "shared.dof"),
-        ("diagnose.verdict.agreement", "constant_differences", "np.hypot(after.sigma[j], before.sigma[i])",
+        ("diagnose.verdict.agreement", "_constant_differences", "np.hypot(after.sigma[j], before.sigma[i])",
          "after.sigma[j]"),
         ("diagnose.verdict.agreement", "agreement_on_constants", "2 * min(shared.p_value, rarest",
          "min(shared.p_value, rarest"),
@@ -239,7 +239,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.search.sensor_random_walks", "noise_weights", "np.log(n.prior) +", "-np.log(n.prior) +"),
     ),
     "diagnose/test_cost.py::test_a_still_base_warms_and_cools_once_a_day_through_what_was_recorded": (
-        ("diagnose.cost", "with_daily_swing", "(v.max() - v.min()) / 2 * turn", "(v.max() - v.min()) * turn"),
+        ("diagnose.cost", "_with_daily_swing", "(v.max() - v.min()) / 2 * turn", "(v.max() - v.min()) * turn"),
     ),
     "diagnose/search/test_rounds.py": (
         ("diagnose.search.relinearise", "about_first_cause", "before <= MIN_CHI2_RATIO", "before > MIN_CHI2_RATIO"),
@@ -251,8 +251,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("diagnose.search.stepwise", "likeliest_selection", "share) + SWAP", "share) + 9 * SWAP"),
     ),
     "diagnose/search/test_relinearise.py::test_about_the_angles_of_each_visit_nothing_is_curved": (
-        ("diagnose.search.relinearise", "corrections_of_visits", "reshape(v, -1) * sigma", "reshape(v, -1) / sigma"),
-        ("diagnose.search.relinearise", "rows_about_corrections", "rows.residual + back", "rows.residual - back"),
+        ("diagnose.search.relinearise", "_corrections_of_visits", "reshape(v, -1) * sigma", "reshape(v, -1) / sigma"),
+        ("diagnose.search.relinearise", "_rows_about_corrections", "rows.residual + back", "rows.residual - back"),
     ),
     "diagnose/search/test_stepwise.py::test_the_first_step_takes_away_most": (
         ("diagnose.search.stepwise", "order_by_explanation", "np.argmin([m.scatter", "np.argmax([m.scatter"),
@@ -272,15 +272,15 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("report.parameters", "as_printed", 'dx / abs(k), "counts"', 'dx, "counts"'),
     ),
     "words/test_sentences.py": (
-        ("words.diagnosis_headline", "finding_clause", "sign * p.value > 0", "sign * p.value < 0"),
-        ("words.diagnosis_headline", "value_in_words", "100 * value, 100 * sigma", "100 * value, sigma"),
-        ("words.diagnosis_headline", "size_in_print", "to_si(size, unit), printed", "to_si(size, printed), unit"),
-        ("words.diagnosis_headline", "residuals_sentence", "chi2**0.5", "chi2"),
+        ("words.diagnosis_headline", "_finding_clause", "sign * p.value > 0", "sign * p.value < 0"),
+        ("words.diagnosis_headline", "_value_in_words", "100 * value, 100 * sigma", "100 * value, sigma"),
+        ("words.diagnosis_headline", "_size_in_print", "to_si(size, unit), printed", "to_si(size, printed), unit"),
+        ("words.diagnosis_headline", "_residuals_sentence", "chi2**0.5", "chi2"),
     ),
     "report/test_numbers.py": (
         ("report.history_page", "_history_row", "p.values[-1] - p.values[-2]", "p.values[-2] - p.values[-1]"),
-        ("report.history_page", "parameter_chart", "- p.drift_per_year * years", "+ p.drift_per_year * years"),
-        ("report.history_page", "parameter_chart", "2 * sigma[chosen]", "sigma[chosen]"),
+        ("report.history_page", "_parameter_chart", "- p.drift_per_year * years", "+ p.drift_per_year * years"),
+        ("report.history_page", "_parameter_chart", "2 * sigma[chosen]", "sigma[chosen]"),
         ("report.parameters", "_parameter_row", "(e.value - float(from_si(truth", "(e.value + float(from_si(truth"),
         ("report.parameters", "_parameter_row", "from_si(truth[p.label], p.unit)", "truth[p.label]"),
         ("report.residuals", "by_position", "stages=()).residual", "stages=()).residual * -1"),

@@ -8,7 +8,7 @@ EQUIVALENT: Mapping[tuple[str, str], str] = {
         "return np.asarray(self.theta_0) / np.array(s.sense or 1) + 0 * s.readout",
     ): "a sense is 1 or -1",
     (
-        "effects.history.first_order_lag",
+        "effects.history._first_order_lag",
         (
             "return recursion(np.concatenate([np.zeros(1), a]), "
             "np.concatenate([0 * x[:1], np.diff(x) / h / tau * (1 - a)]))"
@@ -34,7 +34,7 @@ EQUIVALENT: Mapping[tuple[str, str], str] = {
         "{'xatol': -0.001}",
     ): "the search ends later, at the same minimum",
     (
-        "estimate.accelerometers.position_fit.with_sizes",
+        "estimate.accelerometers.position_fit._with_sizes",
         "return replace(noise, **dict(zip(names, np.exp(np.clip(logs, -56, 0)).tolist(), strict=True)))",
     ): "no noise is as small as either bound",
     (

@@ -228,9 +228,9 @@ def test_python_and_the_machine_march_alike():
     time, S = rows(12, 10.0)
     force = true_force(S) + 1e-4
     every = []
-    for march in (space_stable_navigator.run_loop.loop, space_stable_navigator.run_loop.made()):
+    for march in (space_stable_navigator._run_loop.loop, space_stable_navigator._run_loop.made()):
         out, (r, v) = np.empty((len(time), 5)), space_stable_navigator._at_rest(SITE, SITE.phase)
-        aids = space_stable_navigator.loop_constants(SITE, Aids())
+        aids = space_stable_navigator._loop_constants(SITE, Aids())
         end = march(np.full(len(time), 10.0), force, r, v, *aids, np.zeros((len(time), 2)),
                     np.full(len(time), SITE.height), out)  # fmt: skip
         every.append((out, np.array(end)))

@@ -18,7 +18,7 @@ from gimbalcal.history.compare import CalibrationStep, ComparedCalibration, Prin
 from gimbalcal.report import figures
 from gimbalcal.report.chart import Bars, Chart, Line, Points, limits
 from gimbalcal.report.figures import correlation
-from gimbalcal.report.history_page import history_report, parameter_chart
+from gimbalcal.report.history_page import _parameter_chart, history_report
 from gimbalcal.report.navigation_page import budget_report
 from gimbalcal.report.noise_page import _chart as noise_chart
 from gimbalcal.report.noise_page import _rate as told_rate
@@ -143,7 +143,7 @@ def test_the_page_of_a_history_tells_the_last_change_and_where_it_jumped():
 
 
 def test_the_picture_of_a_course_has_two_sigmas_and_its_drift():
-    chart = parameter_chart(COURSE, [datetime.fromisoformat(d) for d in DATES], "bias x")
+    chart = _parameter_chart(COURSE, [datetime.fromisoformat(d) for d in DATES], "bias x")
     dots, odd = points(chart)[:2]
     assert (dots.y.tolist(), dots.spread.tolist()) == ([100.0, 115.0], [6.0, 6.0])
     assert (odd.y.tolist(), odd.spread.tolist()) == ([130.0], [8.0])

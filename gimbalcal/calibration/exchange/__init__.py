@@ -48,14 +48,14 @@ class Format(NamedTuple):
     omitted: Callable[[Calibration], Sequence[str]] = lambda _: ()
 
 
-def terms_beyond_format(terms: Sequence[str], calibration: Calibration) -> list[str]:
+def _terms_beyond_format(terms: Sequence[str], calibration: Calibration) -> list[str]:
     return sorted({p.effect for p, v in zip(calibration.parameters, calibration.values, strict=True) if v} - {*terms})
 
 
 FORMATS: Mapping[str, Format] = {
-    "kalibr": Format("imu.yaml", TO_READINGS, kalibr.content, kalibr.read, partial(terms_beyond_format, LINEAR)),
+    "kalibr": Format("imu.yaml", TO_READINGS, kalibr.content, kalibr.read, partial(_terms_beyond_format, LINEAR)),
     "psins": Format(
-        "clbt.mat", TO_PHYSICS, psins.content, psins.read, partial(terms_beyond_format, LINEAR + QUADRATIC)
+        "clbt.mat", TO_PHYSICS, psins.content, psins.read, partial(_terms_beyond_format, LINEAR + QUADRATIC)
     ),
     "csv": Format("calibration.csv", TO_READINGS, parameter_table.content, parameter_table.read),
     "tpoint": Format(
@@ -69,7 +69,7 @@ ENDINGS = {".yaml": "kalibr", ".yml": "kalibr", ".mat": "psins", ".csv": "csv", 
 def export(calibration: Calibration, kind: str, path: Path) -> tuple[str, ...]:
     """Write a calibration as `kind`, whole or not at all; returns what the format could not hold, in sentences."""
     form = format_of(kind)
-    lost = lost_content(calibration, kind, form.omitted(calibration)) if form.read else ()
+    lost = _lost_content(calibration, kind, form.omitted(calibration)) if form.read else ()
     write(path, form.content(calibration, lost))
     return lost
 
@@ -112,7 +112,7 @@ def format_of(kind: str) -> Format:
     return FORMATS[kind]
 
 
-def lost_content(calibration: Calibration, kind: str, omitted: Sequence[str]) -> tuple[str, ...]:
+def _lost_content(calibration: Calibration, kind: str, omitted: Sequence[str]) -> tuple[str, ...]:
     lost = [f"{kind} has no term for {e}: it is omitted" for e in omitted]
     if np.count_nonzero(calibration.covariance - np.diag(np.diag(calibration.covariance))):
         lost.append(f"{kind} has no place for correlations: calibration.json has them")

@@ -87,7 +87,7 @@ def mount_axes(platform: Platform, latitude: float | None) -> MountAxes:
 
 def tpoint_terms(calibration: Calibration) -> tuple[TpointTerm, ...]:
     """Return the terms of a pointing calibration in TPOINT's convention; none for a mount or effect without a name."""
-    rows = weights_of_terms(calibration.provenance.mount)
+    rows = _weights_of_terms(calibration.provenance.mount)
     labels = [p.label for p in calibration.parameters]
     out = []
     for name, weights in rows.items():
@@ -100,18 +100,18 @@ def tpoint_terms(calibration: Calibration) -> tuple[TpointTerm, ...]:
 
 def term_names(platform: Platform) -> dict[str, str]:
     """Return the name in TPOINT of each parameter of a mount, by label; of one in two terms that of the latter."""
-    rows = weights_of_terms(MountAxes(mount_of(platform), platform.axis_names, 45.0))
+    rows = _weights_of_terms(MountAxes(mount_of(platform), platform.axis_names, 45.0))
     return {label: name for name, weights in rows.items() for label in weights}
 
 
 def parameters_without_term(calibration: Calibration) -> list[str]:
     """Return labels of the parameters that TPOINT has no term for."""
-    rows = weights_of_terms(calibration.provenance.mount)
+    rows = _weights_of_terms(calibration.provenance.mount)
     place = {label for weights in rows.values() for label in weights}
     return [p.label for p in calibration.parameters if p.label not in place]
 
 
-def weights_of_terms(mount: MountAxes | None) -> Weights:
+def _weights_of_terms(mount: MountAxes | None) -> Weights:
     """Return each term as a sum of our parameters, label to weight; none where the mount has no names in TPOINT."""
     return TERMS[mount.kind](mount) if mount and mount.kind in TERMS else {}
 
@@ -139,7 +139,7 @@ def _alt_az(mount: MountAxes) -> Weights:
     }
 
 
-def is_equatorial(mount: MountAxes) -> Weights:
+def _is_equatorial(mount: MountAxes) -> Weights:
     if mount.latitude_deg is None:  # the vertical is not known in the axes of the mount
         return {}
     (up, around, polar), L = mount.axes, radians(mount.latitude_deg)
@@ -165,7 +165,7 @@ def is_equatorial(mount: MountAxes) -> Weights:
     }
 
 
-TERMS: Mapping[str, Callable[[MountAxes], Weights]] = {ALT_AZ: _alt_az, EQUATORIAL: is_equatorial}
+TERMS: Mapping[str, Callable[[MountAxes], Weights]] = {ALT_AZ: _alt_az, EQUATORIAL: _is_equatorial}
 NAMES_ON = {kind: tuple(terms(MountAxes(kind, AXES[kind], 0.0))) for kind, terms in TERMS.items()}
 NAMES = frozenset[str]().union(*NAMES_ON.values())
 
@@ -215,7 +215,7 @@ def _parameters(mount: MountAxes, terms: Mapping[str, TpointTerm]) -> ParameterT
     """Return our parameters of the terms: each of the first in its sum, but for MA, a turn of the mount about the
     horizontal and the vertical without one about its pole.
     """
-    every = weights_of_terms(mount)
+    every = _weights_of_terms(mount)
     rows = {n: dict([next(iter(w.items()))]) for n, w in every.items()}
     if "MA" in every:
         rows["MA"] = {label: every["MA"][label] for label in ("base_tilt:north", "base_tilt:down")}

@@ -46,10 +46,10 @@ def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:
     """
     every = []
     for poles in POLES:
-        root = Cascade(autoregressive_chain(poles[0], n), autoregressive_chain(poles[1], n))
+        root = Cascade(_autoregressive_chain(poles[0], n), _autoregressive_chain(poles[1], n))
         name = (("memory", poles[0]), ("second memory", poles[1]))
         every.append(Node(name, {}, 0.0, C * root.log_determinant, root))
-    every += [wandering_covariance(of_channels(n, C), rho, share) for rho, share in SLOW_BESIDE_WHITE]
+    every += [_wandering_covariance(of_channels(n, C), rho, share) for rho, share in SLOW_BESIDE_WHITE]
     every = [replace(node, prior=1 / len(every)) for node in every]
     return tuple(every if C == 1 else (Node.of_channels(parts) for parts in itertools.product(every, repeat=C)))
 
@@ -65,11 +65,11 @@ def noises_of_unknown_scale(n: int, C: int, rows: Array | None = None) -> tuple[
         out.append(Node((("memory", rho),), {}, others * prior, C * root.log_determinant, root, 1 - rho**2))
     return (
         *out,
-        *(wandering_covariance(rows, rho, share) for rho in WANDER for share in WANDER_SHARE if rows is not None),
+        *(_wandering_covariance(rows, rho, share) for rho in WANDER for share in WANDER_SHARE if rows is not None),
     )
 
 
-def wandering_covariance(rows: Array, rho: float, share: float) -> Node:
+def _wandering_covariance(rows: Array, rho: float, share: float) -> Node:
     r"""Sensors that wander, of columns `rows` (n, C, m): :math:`V = (1 - a) I + a \, H K_\rho H^T`, a their share."""
     n, _, m = rows.shape
     process = first_order(rho)
@@ -150,7 +150,9 @@ def walks_of_triads(
     out, n = [], len(next(iter(courses.values()))) // channels
     for memory, *sizes in asked:
         walking = {q: w for q, w in zip(unit, sizes, strict=True) if w}
-        root = modes(np.concatenate([w * unit[q] for q, w in walking.items()], axis=1), autoregressive_chain(memory, n))
+        root = modes(
+            np.concatenate([w * unit[q] for q, w in walking.items()], axis=1), _autoregressive_chain(memory, n)
+        )
         noise = {q: (RandomWalk(w * density[q]),) for q, w in walking.items()}
         name = (("memory", memory), *((f"random walk of {q}", w) for q, w in walking.items()))
         prior, fresh = TRIAD_WALK_PRIOR / len(TRIAD_WALKS), 1 - memory**2
@@ -158,7 +160,7 @@ def walks_of_triads(
     return tuple(out)
 
 
-def autoregressive_chain(rho: float, n: int) -> Chain:
+def _autoregressive_chain(rho: float, n: int) -> Chain:
     r"""Return the chain of n rows :math:`r_k = \rho r_{k-1} + e_k`, of unit variance, of a pole of either sign."""
     new = np.full(n, 1 - rho**2)
     new[:1] = 1.0

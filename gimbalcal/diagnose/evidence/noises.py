@@ -30,7 +30,7 @@ def _of_any_scale(v: View) -> tuple[Node, ...]:
         n, C = len(v), len(v.channels)
         every = noises_of_channels(n, C) if v.noise.own_memories else noises_of_unknown_scale(n, C, v.noise.wander)
         if v.noise.triad_walks:
-            courses = {quantity: sensor_courses(v, quantity) for quantity in v.measurement.acts_on}
+            courses = {quantity: _sensor_courses(v, quantity) for quantity in v.measurement.acts_on}
             every += walks_of_triads(courses, C, float(np.ptp(v.stimulus.time)), v.noise.triad_walks)
         if v.noise.single_walks and v.noise.wander is not None:
             weight, walks = v.of_scales().weight, v.noise.single_walks
@@ -39,7 +39,7 @@ def _of_any_scale(v: View) -> tuple[Node, ...]:
     return v.cache["noises"]
 
 
-def sensor_courses(v: View, quantity: str) -> Array:
+def _sensor_courses(v: View, quantity: str) -> Array:
     """Return the reduced rows (R, 3, m) of the courses in time of the sensors of a triad."""
     each = [v.noise.reduced(v.course_of_sensor(quantity, axis)) for axis in "xyz"]
     return np.stack(each, axis=1)

@@ -87,7 +87,7 @@ def stacked_rows(
     A[:, :q], A[:, q + P :] = Q, y
     for k in range(0, P, CHUNK):
         part = X[:, k : k + CHUNK]
-        A[:, q + k : q + k + part.shape[1]] = without_calibration(Q, part)
+        A[:, q + k : q + k + part.shape[1]] = _without_calibration(Q, part)
     tail = A[low:]
     if not len(tail):
         return ReducedRows(A, np.broadcast_to(0.0, (A.shape[1], A.shape[1])), q, P, Q, y, scale, unit)
@@ -97,7 +97,7 @@ def stacked_rows(
 def append_columns(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
     """`rows` of columns X (R, P) with `new` (R, p) behind them: as `stacked_rows` makes them, faster for a few."""
     q, P, low = rows.q, rows.P, len(rows.low)
-    remainder = without_calibration(rows.Q, new)
+    remainder = _without_calibration(rows.Q, new)
     visible = rows.low[:, q : q + P].any(axis=0) | (np.diag(rows.high)[q : q + P] > 0)
     N = remainder[low:]
     QN = rows.Q[low:].T @ N
@@ -112,7 +112,7 @@ def append_columns(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
     return ReducedRows(columns, high, q, P + N.shape[1], rows.Q, rows.y, rows.scale, rows.unit)
 
 
-def without_calibration(Q: Array, X: Array) -> Array:
+def _without_calibration(Q: Array, X: Array) -> Array:
     """X (R, P) cleared of the calibration, and zero where that leaves nothing to speak of."""
     remainder = X - Q @ (Q.T @ X)
     visible = np.linalg.norm(remainder, axis=0) > MIN_SHARE_OF_COLUMN * np.linalg.norm(X, axis=0)
@@ -131,7 +131,7 @@ def project_all(
     if rows.scale.channels is not None and not any(n.scales for n in nodes):
         return _of_channel_scales(nodes, rows, rows.scale.channels, layout)
     if before and triangle_size(rows.P) <= len(before[0].G.triangle):
-        return tuple(grown_projection(p, rows) for p in before)
+        return tuple(_grown_projection(p, rows) for p in before)
     room = np.empty((len(nodes), triangle_size(rows.P + SPARE_COLUMNS)))
     return tuple(project(node, rows, own) for node, own in zip(nodes, room, strict=True))
 
@@ -172,7 +172,7 @@ def project(node: Node, rows: ReducedRows, room: Array | None = None) -> Project
     return Projection(node, G, B[:P, P:].copy(), misfit, node.logdet + logdet, scale)
 
 
-def grown_projection(p: Projection, rows: ReducedRows) -> Projection:
+def _grown_projection(p: Projection, rows: ReducedRows) -> Projection:
     """The projection of rows that have further columns behind those it knows."""
     q, P, known = rows.q, rows.P, len(p.b)
     these = np.r_[:q, q + known : q + P]
@@ -198,7 +198,7 @@ def rows_like(rows: ReducedRows, X: Array, low: int = 0) -> ReducedRows:
 
 def log_bayes(p: Projection, index: Array, sizes: Array) -> Array:
     """ln BF (..., sizes) of the columns `index` (..., w) together, one per prior size."""
-    gain, damping = _by_size(*principal_components(p, index), sizes)
+    gain, damping = _by_size(*_principal_components(p, index), sizes)
     return np.asarray(p.scale.gained(p.misfit[0], gain) - damping)
 
 
@@ -209,19 +209,19 @@ def any_size(p: Projection, index: Array) -> Array:
 
 def each_size(p: Projection, index: Array) -> Array:
     """ln of prior share times BF (..., sizes) of the columns `index` (..., w) together, for each prior size."""
-    return _weighed(p, *_by_size(*principal_components(p, index), p.scale.sizes))
+    return _weighed(p, *_by_size(*_principal_components(p, index), p.scale.sizes))
 
 
 def _weighed(p: Projection, gain: Array, damping: Array) -> Array:
     return np.asarray(p.scale.gained(p.misfit[0], gain) - damping + p.scale.log_prior(p.misfit[0] - gain))
 
 
-def principal_components(p: Projection, index: Array) -> tuple[Array, Array]:
+def _principal_components(p: Projection, index: Array) -> tuple[Array, Array]:
     """Eigenvalues of the Gram matrices of columns `index` (..., w), and scores along their vectors, both (..., w)."""
-    return scores_along(p.G.block(index), p.b[index, 0])
+    return _scores_along(p.G.block(index), p.b[index, 0])
 
 
-def scores_along(G: Array, b: Array) -> tuple[Array, Array]:
+def _scores_along(G: Array, b: Array) -> tuple[Array, Array]:
     if G.shape[-1] == 1:
         return np.maximum(G[..., 0], 0.0), b
     lam, V = eigh(G)
@@ -241,7 +241,7 @@ def gather_evidence(projections: Sequence[Projection], layout: Layout) -> Array:
     gain, damping = np.empty((2, len(projections), len(layout.log_share), len(sizes)))
     for members, index in layout.widths:
         G, b = (np.stack(each) for each in zip(*((p.G.block(index), p.b[index, 0]) for p in projections), strict=True))
-        gain[:, members], damping[:, members] = _by_size(*scores_along(G, b), sizes)
+        gain[:, members], damping[:, members] = _by_size(*_scores_along(G, b), sizes)
     ln = np.stack([logsumexp(_weighed(p, gain[k], damping[k]), axis=-1) for k, p in enumerate(projections)])
     return np.asarray(np.logaddexp.reduceat(ln + layout.log_share, layout.starts, axis=1))
 

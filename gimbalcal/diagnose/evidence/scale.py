@@ -29,9 +29,8 @@ NEAR_PRIOR = np.array([0.15, 0.2, 0.25, 0.2, 0.12, 0.08])
 ANY_SIZE = np.geomspace(1e-4, 1e3, 29)  # fine enough that confounded causes of different plausible sizes fit alike
 RATIOS = np.geomspace(1e-3, 1e5, 17)  # prior sigmas per sigma of a noise of any scale
 ANY_RATIO = np.geomspace(1e-4, 1e6, 41)
-SCALE_STEPS_BELOW = (
-    2  # steps of the ratio, a factor of ten, that a cause may need beside others: they may leave much less noise
-)
+# steps of the ratio, a factor of ten, that a cause may need beside others: they may leave much less noise
+SCALE_STEPS_BELOW = 2
 WANDERS = 1.0  # mean of ln(noise between rows / scatter of their samples) where it is more
 OVERRATED_RATIO = 0.3  # the same where it is less: a hand that trembles is no noise of the mean
 MIN_MISFIT_SHARE = 0.003  # of the rms misfit: a cause may take away all but 1 / 300 of it

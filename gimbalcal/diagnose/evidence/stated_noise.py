@@ -47,12 +47,12 @@ def scale_to_scatter(o: Fit) -> Fit:
     With enough rows this replaces the white noise of the header; where too few follow each other that one stays.
     What was measured stays as it is: y and its derivatives change by the unit of a channel alone.
     """
-    fast = rows_within_blocks(o)
+    fast = _rows_within_blocks(o)
     if len(fast) < MIN_ROWS_INSIDE:
         return o
     scale, plain = np.median(np.abs(fast), axis=0) / 0.6745, fast.std(axis=0)
     scale, plain = (np.where(a > 0, a, 1.0) for a in (scale, plain))  # a channel that always reads the same
-    kurtosis, weight = float(np.mean(excess_kurtosis(fast / scale))), None
+    kurtosis, weight = float(np.mean(_excess_kurtosis(fast / scale))), None
     if kurtosis > HEAVY_KURTOSIS:
         static = o.view.kind.stabilised
         robust = huber_weights(
@@ -68,7 +68,7 @@ def scale_to_scatter(o: Fit) -> Fit:
     return replace(scaled, view=replace(scaled.view, noise=noise))
 
 
-def rows_within_blocks(o: Fit) -> Array:
+def _rows_within_blocks(o: Fit) -> Array:
     """Return what varies from row to row inside a block (n', C), unit gain for white noise."""
     begins = np.zeros(len(o.residual), dtype=bool)
     if not o.view.kind.stabilised:
@@ -76,7 +76,7 @@ def rows_within_blocks(o: Fit) -> Array:
     return np.stack(scaled_differences(o.residual.T, begins, np.ones(len(o.residual)), order=2), axis=1)
 
 
-def excess_kurtosis(x: Array) -> Array:
+def _excess_kurtosis(x: Array) -> Array:
     """Excess kurtosis per column, samples beyond 12 sigma counted as 12; none where nothing varies."""
     x = np.clip(x, -12, 12)
     square = (x**2).mean(axis=0)
@@ -86,7 +86,7 @@ def excess_kurtosis(x: Array) -> Array:
 def noise_grid(o: Fit) -> tuple[Node, ...]:
     """The grid of noises of this recording with their prior probabilities."""
     if o.view.kind.stabilised:
-        return spectral_noise(o, [
+        return _spectral_noise(o, [
             (wf, wa, pf * pa, "")
             for wf, pf in zip(WALK, WALK_PRIOR, strict=True) for wa, pa in zip(WALK, WALK_PRIOR, strict=True)
         ])  # fmt: skip
@@ -107,7 +107,7 @@ def single_walks_of_stated_noise(o: Fit) -> tuple[Node, ...]:
     )
     share = (SINGLE_WALK_PRIOR_AT_REST if static else SINGLE_WALK_PRIOR) / len(SINGLE_WALK)
     if static:
-        return spectral_noise(o, [
+        return _spectral_noise(o, [
             (w, wa, share * pa, a)
             for a in (*axes, "") for wa, pa in zip(WALK, WALK_PRIOR, strict=True) for w in SINGLE_WALK
         ])  # fmt: skip
@@ -165,7 +165,7 @@ def _states(o: Fit, blocks: _Blocks, noise: Mapping[str, Noise], alone: str) -> 
     """
     (turned,), (wandering,) = noise["gimbal_angle"], noise["specific_force"][1:]
     short = SettingError((o.view.local.remaining if o.view.local else 1.0) * one_sigma((turned,)) ** 2)
-    along = blocks.along if shows_along_force(blocks.along, short) else blocks.along[:, :, :0]
+    along = blocks.along if _shows_along_force(blocks.along, short) else blocks.along[:, :, :0]
     H = np.concatenate([blocks.walks, blocks.angles, along], axis=-1)
     walks = [wandering if alone in ("", axis) else RandomWalk(0.0) for _, axis in o.view.channels]
     every = [*walks, *[turned] * blocks.angles.shape[-1], *[short] * along.shape[-1]]
@@ -177,10 +177,10 @@ def _states(o: Fit, blocks: _Blocks, noise: Mapping[str, Noise], alone: str) -> 
 
 def setting_is_second_order(o: Fit) -> bool:
     """Return whether gimbals are set so loosely that it shows along the force, of second order."""
-    return shows_along_force(_blocks(o).along, SettingError((max(SETTING) * o.view.local_sigma) ** 2))
+    return _shows_along_force(_blocks(o).along, SettingError((max(SETTING) * o.view.local_sigma) ** 2))
 
 
-def shows_along_force(along: Array, short: SettingError) -> bool:
+def _shows_along_force(along: Array, short: SettingError) -> bool:
     return bool(np.abs(along).max(initial=0.0) * one_sigma((short,)) > NEGLIGIBLE_SETTING)
 
 
@@ -197,7 +197,7 @@ def dwell_noise(o: Fit, setting: float, walk: float) -> Mapping[str, Noise]:
 def nominal_noise(o: Fit) -> Node:
     """The noise as stated, without a random walk."""
     return (
-        spectral_noise(o, [(0.0, 0.0, 1.0, "")])[0]
+        _spectral_noise(o, [(0.0, 0.0, 1.0, "")])[0]
         if o.view.kind.stabilised
         else _of_dwells(o, [(1.0, 0.0, 1.0, "")])[0]
     )
@@ -227,7 +227,7 @@ def slow_modes(o: Fit, walk: float) -> int:
     return min(n, max(SLOW_MODES, shown)) if shown < n / 2 else n  # the fastest modes show it more than 1 / k^2
 
 
-def spectral_noise(o: Fit, processes: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
+def _spectral_noise(o: Fit, processes: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
     """White noise and a walk in forces (or in the one `alone`) and in angles: diagonal in the cosine transform.
 
     Asked are the walks of forces and angles, the prior probability, and the accelerometer that walks alone, or "".

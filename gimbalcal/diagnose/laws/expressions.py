@@ -429,8 +429,8 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
         "cosecant": lambda: [()] if np.abs(np.sin(v.x)).min() > MIN_SINE else [],
         "onset": lambda: [(c, p) for c in (low - span / 3, *places) for p in ONSETS],
         "end": lambda: [(c, p) for c in (*places, high + span / 3) for p in ONSETS],
-        "shock": lambda: [(c, span * part) for c in threshold_levels(v, s) for part in (0.02, 0.05, 0.12, 0.3)],
-        "window": lambda: list(itertools.combinations(threshold_levels(v, s), 2)),
+        "shock": lambda: [(c, span * part) for c in _threshold_levels(v, s) for part in (0.02, 0.05, 0.12, 0.3)],
+        "window": lambda: list(itertools.combinations(_threshold_levels(v, s), 2)),
         "ring": lambda: [(np.pi * k / span, span * part) for k in range(2, CYCLES + 1) for part in (0.08, 0.2, 0.5)],
         "fade": lambda: [(tau,) for tau in np.geomspace(max(2 * _spacing(v.x), span / 50), 1.5 * span, 7)],
         "log": lambda: [(tau,) for tau in np.geomspace(span / 300, span, 6)],
@@ -439,7 +439,7 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
         "knee": lambda: [(c,) for c in places],
         "step": lambda: [(c, span * w) for c in places for w in WIDTHS],
         "bump": lambda: [(c, span * w) for c in places for w in WIDTHS],
-        "above": lambda: [(c,) for c in threshold_levels(v, s)],
+        "above": lambda: [(c,) for c in _threshold_levels(v, s)],
     }
     return list(grids[form.key]()) if form.key in grids else [()]
 
@@ -448,7 +448,7 @@ def _spacing(x: Array) -> float:
     return float(np.median(np.diff(np.unique(x))))
 
 
-def threshold_levels(v: Variable, s: Stimulus) -> list[float]:
+def _threshold_levels(v: Variable, s: Stimulus) -> list[float]:
     """Thresholds: between the levels that a variable takes, or between visits."""
     if v.group == "time":
         starts = s.time[np.flatnonzero(np.diff(s.visit)) + 1]
@@ -474,12 +474,12 @@ def term_pairs(every: Sequence[Sequence[Term]]) -> list[Family]:
     of a mount that tracks goes with time, is no other one: such a product is any function of one variable.
     """
     every = [own for own in every if own]
-    slow, out = [families(t for t in own if not is_fast(t)) for own in every], list[Family]()
+    slow, out = [families(t for t in own if not _is_fast(t)) for own in every], list[Family]()
     for i, own in enumerate(every):
         other = [k for k in range(len(every)) if k != i and not _as_one(own[0].variable, every[k][0].variable)]
         plain = [o for k in other for o in slow[k] if o.terms[0].form.key == "x"]
         out += [(grid, o) for grid in slow[i] for k in other if k > i for o in slow[k]]
-        out += [(grid, o) for grid in families(t for t in own if is_fast(t)) for o in plain]
+        out += [(grid, o) for grid in families(t for t in own if _is_fast(t)) for o in plain]
     return out
 
 
@@ -552,7 +552,7 @@ def richer_forms(e: Expression, several: bool) -> list[Family]:
     return out
 
 
-def is_fast(t: Term) -> bool:
+def _is_fast(t: Term) -> bool:
     return t.form.key == "wave" and t.constants[0] * float(np.ptp(t.variable.x)) > (CYCLES + 0.5) * np.pi
 
 

@@ -191,14 +191,14 @@ def law_of_searches(
     law then has to be 1000 times as likely, and they are doubtful where formulas together are likelier.
     """
     searches = ranked.searches
-    b = laws_and_noises(ranked, nodes, alone=bool(instead))
+    b = _laws_and_noises(ranked, nodes, alone=bool(instead))
     g, every = b.ground, b.laws
     best_else = _best_else(ranked)
     best, others = chosen_law(g, every, best_else + (SEPARATION_EVIDENCE + NAME_ODDS) * bool(instead) - b.ln_known)
     if best is None and instead:
         rivals = [law.evidence for law in _rivals_of_members(ranked, instead, every[:MAX_COMPARED_LAWS])]
         return Lawful(formula_is_likelier=bool(rivals) and float(logsumexp(np.array(rivals))) > best_else)
-    if best is not None and not instead and (as_likely := known_causes_as_likely(ranked, b.total)):
+    if best is not None and not instead and (as_likely := _known_causes_as_likely(ranked, b.total)):
         return Lawful(
             (),
             law_sentences.KNOWN_CAUSE.format(
@@ -234,7 +234,7 @@ def law_of_searches(
     return Lawful(laws, advice, tuple(zip(fits, remainders, strict=True)), ln_total=b.ln_known + best.evidence)
 
 
-def laws_and_noises(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> Beside:
+def _laws_and_noises(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> Beside:
     """Return the laws that explain most in the likeliest noise of each recording without a law, or in the stated one.
 
     A noise that explains what a law adds hides the law, as what is switched looks like the walk of a sensor. The
@@ -266,7 +266,7 @@ def _rivals_of_members(ranked: Ranking, members: Sequence[int], laws: Sequence[L
         return []
     (s,) = ranked.searches
     X = s.library.X[:, list(fit_causes(s, ranked.within(members, 0)).index)]
-    return [law for law in laws if differs_from_causes(s, law, X)]
+    return [law for law in laws if _differs_from_causes(s, law, X)]
 
 
 def _best_else(ranked: Ranking) -> float:
@@ -278,7 +278,7 @@ def _best_else(ranked: Ranking) -> float:
     return max(h.ln_weight for h in ranked.hypotheses if len({bool(every[i].rival) for i in h.members}) == 1)
 
 
-def cancels_sensor(law: Law, x: Array) -> bool:
+def _cancels_sensor(law: Law, x: Array) -> bool:
     """Return whether a law with sizes x (m,) [SI] takes away the response of its own sensor: no sensor is left then.
 
     The norm of the force is the same in every attitude, too, where accelerometers read nothing but their bias.
@@ -291,7 +291,7 @@ def cancels_sensor(law: Law, x: Array) -> bool:
     return any(abs(float(f @ added)) > MAX_GAIN_CHANGE * float(f @ f) for f, added in forces if f.any())
 
 
-def known_causes_as_likely(ranked: Ranking, ln_evidence: float) -> str:
+def _known_causes_as_likely(ranked: Ranking, ln_evidence: float) -> str:
     """Known causes that are as likely as a law of this evidence, by name; empty where none are."""
     every = ranked.library.candidates
     h = ranked.best_known
@@ -364,7 +364,7 @@ def causes_replaced_by_a_formula(
             continue
         known = max(h.ln_weight for h in s.hypotheses)
         if b.laws[0].evidence < known + CLAIM:
-            rivals = [law.evidence for law in rival_laws(s, b.laws[:MAX_COMPARED_LAWS], names)]
+            rivals = [law.evidence for law in _rival_laws(s, b.laws[:MAX_COMPARED_LAWS], names)]
             if rivals and float(logsumexp(np.array(rivals))) > known:
                 doubtful |= {cause.effect for cause in own}
             continue
@@ -385,7 +385,7 @@ def _visible_columns(m: Fit, columns: Array) -> int:
     return int(np.linalg.matrix_rank(remainder, tol=MIN_SHARE_OF_COLUMN))
 
 
-def rival_laws(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[Law]:
+def _rival_laws(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[Law]:
     """Return the laws that say something else than causes of these names do.
 
     Where a law spans one of these causes, it is that cause and something beside it.
@@ -399,7 +399,7 @@ def _explains_more(s: Search, law: Law, names: Container[Key], terms: Terms) -> 
     """Return whether causes of these names, with those that are terms of a law, do not hold what the law explains."""
     own = [(c.key, v.index) for c in s.library.candidates if c.key in names for v in c.variants]
     columns = sorted({i for _, index in [*own, *terms] for i in index})
-    return differs_from_causes(s, law, s.library.X[:, columns])
+    return _differs_from_causes(s, law, s.library.X[:, columns])
 
 
 def _terms_of(s: Search, law: Law) -> Terms:
@@ -411,7 +411,7 @@ def _terms_of(s: Search, law: Law) -> Terms:
     return [(c.key, v.index) for c in known for v in c.variants if inside[list(v.index)].all()]
 
 
-def differs_from_causes(s: Search, law: Law, X: Array) -> bool:
+def _differs_from_causes(s: Search, law: Law, X: Array) -> bool:
     """Return whether reduced columns X (R, p) of causes do not hold what a law explains in its likeliest noise.
 
     They hold it where the rest is a small share, or no more than noise: then the law differs from them in how many
@@ -489,7 +489,7 @@ def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str] = ()) -> 
         best, others = chosen_law(g, every, _best_else(remaining) - b.ln_known - cost_of_choice)
         if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):
             return Lawful(), m
-        if not laws and best is not None and (as_likely := known_causes_as_likely(remaining, b.total)):
+        if not laws and best is not None and (as_likely := _known_causes_as_likely(remaining, b.total)):
             words = law_sentences.KNOWN_CAUSE.format(more=_more(v.kind), names=as_likely, law=printed_form(best))
             return Lawful((), words, known=likeliest_known(remaining)), m
         if best is None:
@@ -498,7 +498,7 @@ def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str] = ()) -> 
             words = law_sentences.LACK_OF_FIT.format(law=laws[0].expression)
             return Lawful(tuple(laws), words, ln_total=total), with_them
         with_law_too, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
-        if cancels_sensor(best, x):
+        if _cancels_sensor(best, x):
             words = law_sentences.LACK_OF_FIT.format(law=printed_form(best))
             return (Lawful(tuple(laws), words, ln_total=total), with_them) if laws else (Lawful((), words), m)
         with_them, total = with_law_too, total + b.ln_known + best.evidence
@@ -526,7 +526,7 @@ def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool 
 
     def gained(planned: Fit) -> float:
         signal = _columns(planned, law, law.expression) @ size[:, None]
-        return expected_ln_bayes(planned, signal, varied_law(planned, other))
+        return expected_ln_bayes(planned, signal, _varied_law(planned, other))
 
     best = fastest_manoeuvre(o, gained)
     if not (best.words or asked):
@@ -534,7 +534,7 @@ def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool 
     return separation_advice(best.words, best.hours, best.ln_bayes, printed_form(law), printed_form(other))
 
 
-def varied_law(o: Fit, law: Law) -> Iterator[Array]:
+def _varied_law(o: Fit, law: Law) -> Iterator[Array]:
     return (_columns(o, law, e) for e in law.expression.varied())
 
 

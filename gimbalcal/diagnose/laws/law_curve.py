@@ -62,7 +62,7 @@ def with_curves(
             sigma=in_print(sigma),
             observed=in_print(observed),
             predicted=in_print(predicted[k]),
-            others=tuple((printed_form(o), in_print(aligned_curve(o, law, k, value, g))) for o in others),
+            others=tuple((printed_form(o), in_print(_aligned_curve(o, law, k, value, g))) for o in others),
         )))  # fmt: skip
     return tuple(out)
 
@@ -95,18 +95,18 @@ def _held_out(law: Law, x: Array, alone: bool, g: Ground) -> Array:
             continue
         size = np.linalg.lstsq(others, g.y - N @ (N.T @ g.y), rcond=1e-9)[0].reshape(x.shape)
         for q, place in enumerate(law.places):
-            out[q, left_out] = shifted_curve(B @ size[q], value[:, q], law, place, g, ~left_out)[left_out]
+            out[q, left_out] = _shifted_curve(B @ size[q], value[:, q], law, place, g, ~left_out)[left_out]
     return out
 
 
-def aligned_curve(other: Law, law: Law, k: int, value: Array, g: Ground) -> Array:
+def _aligned_curve(other: Law, law: Law, k: int, value: Array, g: Ground) -> Array:
     """Return what another law adds at place k (n,) [SI], moved to the `value` of a law by what is calibrated there."""
     size = np.linalg.lstsq(g.remainder(g.whiten(other.columns)), g.y, rcond=1e-9)[0]
     added = other.expression.columns @ size.reshape(len(law.places), -1)[k]
-    return shifted_curve(added, value, law, law.places[k], g, np.ones(len(value), bool))
+    return _shifted_curve(added, value, law, law.places[k], g, np.ones(len(value), bool))
 
 
-def shifted_curve(added: Array, value: Array, law: Law, place: Place, g: Ground, rows: Array) -> Array:
+def _shifted_curve(added: Array, value: Array, law: Law, place: Place, g: Ground, rows: Array) -> Array:
     """Return `added` (n,) shifted to the `value` of a law in some rows, by the constant and slope that are fitted."""
     x = law.expression.variables[0].x
     line = np.stack([np.ones_like(x), (x - x.mean()) / max(float(np.ptp(x)), 1e-300)], axis=1)

@@ -117,20 +117,20 @@ def law_as_written(e: Expression) -> LawText:
                 letters.append(letter)
                 codes.append(f"self.{letter}")
                 named.append((letter, i, j))
-        each.append(words_of_term(t, letters, codes))
+        each.append(_words_of_term(t, letters, codes))
     shown, lines, divided = list[str](), list[str](), list[str]()
     for own in e.factors:
         parts = [(t, *each[i], k) for i, (t, k) in enumerate(zip(e.terms, own, strict=True)) if k >= 0]
         shown.append("*".join(words[k] for _, words, _, k in parts))
         lines.append(" * ".join(code[k] for _, _, code, k in parts))
-        divided.append("".join(coefficient_divisor(t, k) for t, _, _, k in parts))
+        divided.append("".join(_coefficient_divisor(t, k) for t, _, _, k in parts))
     names = LETTERS[: len(shown)]
     text = " + ".join(f"{a}*{w}" for a, w in zip(names, shown, strict=True)).replace("- -", "+ ")
     code = " + ".join(f"self.{a} * ({w})[..., None]" for a, w in zip(names, lines, strict=True))
     return LawText(text, code, tuple(zip(names, divided, strict=True)), tuple(named))
 
 
-def words_of_term(t: Term, letters: Sequence[str], codes: Sequence[str]) -> tuple[list[str], list[str]]:
+def _words_of_term(t: Term, letters: Sequence[str], codes: Sequence[str]) -> tuple[list[str], list[str]]:
     """The columns of a term in print and as Python with arguments in SI."""
     v, at = t.variable, t.variable.origin
     centred = bool(t.centred and at)
@@ -149,11 +149,11 @@ def words_of_term(t: Term, letters: Sequence[str], codes: Sequence[str]) -> tupl
             for a, b in itertools.pairwise(t.constants)
         ]
     else:
-        coded = [form_as_python(w).format(*codes, x=code) for w in t.words]
+        coded = [_form_as_python(w).format(*codes, x=code) for w in t.words]
     return [w.format(*letters, x=x) for w in words], coded
 
 
-def coefficient_divisor(t: Term, k: int) -> str:
+def _coefficient_divisor(t: Term, k: int) -> str:
     """The unit of a column by which its coefficient is divided."""
     power = 1 if t.form.key == "table" else t.form.powers[k]
     return (
@@ -161,7 +161,7 @@ def coefficient_divisor(t: Term, k: int) -> str:
     )
 
 
-def form_as_python(words: str) -> str:
+def _form_as_python(words: str) -> str:
     """A form as Python."""
     for of, to in PYTHON_NAMES:
         words = words.replace(of, to)
@@ -172,16 +172,16 @@ def printed_form(law: Law) -> str:
     """Return the form of a law with letters for its coefficients and the values of its constants."""
     e, description = law.expression, law_as_written(law.expression)
     constants = {a: e.terms[i].printed(j, e.terms[i].constants[j]) for a, i, j in description.constants}
-    return with_numbers(description.text, constants)
+    return _with_numbers(description.text, constants)
 
 
-def other_law_in_print(other: Law, law: Law) -> str:
+def _other_law_in_print(other: Law, law: Law) -> str:
     """Return another law in print, with its sensor or gimbal where that is not the one of a law."""
     here, there = ((o.channel, o.axis) for o in (law, other))
     return printed_form(other) + (f" in {' '.join(there).replace('_', ' ')}" if there != here else "")
 
 
-def with_numbers(text: str, values: Mapping[str, float]) -> str:
+def _with_numbers(text: str, values: Mapping[str, float]) -> str:
     """A formula with numbers in the place of some letters."""
     for name, value in values.items():
         text = re.sub(rf"(?<![\w.]){name}(?![\w(])", f"{value:.6g}", text)
@@ -214,7 +214,7 @@ def found_law(
             channel=place.channel,
             axis=place.axis,
             variables=tuple(units),
-            expression=with_numbers(description.text, {r.name: r.value for r in rows}),
+            expression=_with_numbers(description.text, {r.name: r.value for r in rows}),
             form=description.text,
             unit=PRINTED.get(place.channel, "arcsec"),
             latex=latex,
@@ -224,7 +224,7 @@ def found_law(
             evidence=round(law.evidence, 2),
             heldout_before=heldout[0],
             heldout_after=heldout[1],
-            alternatives=tuple(dict.fromkeys(other_law_in_print(o, law) for o in others))[:MAX_ALTERNATIVES],
+            alternatives=tuple(dict.fromkeys(_other_law_in_print(o, law) for o in others))[:MAX_ALTERNATIVES],
             effect=effect,
             with_=argument,
             beside=tuple(beside),

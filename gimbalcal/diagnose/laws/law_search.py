@@ -62,18 +62,16 @@ MIN_STRETCHES = 2.5  # stretches of a recording, at the least, that a law has to
 RIDGE = 1e-4  # of a unit column: two that are alike count as one
 SAME_SPACE = 1e-6  # sine of the largest angle between two spaces of columns that are one
 SAME_CORRELATION = 0.999  # correlation from which two expressions are one in this recording
-UNUSUAL_NATS = (
-    1.5  # nats against a law of an output in gimbal angles, or of a gimbal in forces, and against a rare form
-)
+# nats against a law of an output in gimbal angles, or of a gimbal in forces, and against a rare form
+UNUSUAL_NATS = 1.5
 RARE_FORMS = ("pulse", "sawtooth", "rectified", "ring", "cyclic", "rising", "falling", "growth")
 JUMPS = ("pulse", "sawtooth", "above", "window")
 PROBE_STEPS = 2.0 ** -np.arange(0.0, 8.0, 0.5)  # of the first step of a constant, where its likelihood is looked at
 MIN_NATS_OF_COLUMN = 3.0  # nats that a column of a law has to explain to be kept, at each of its places
 LEAST_VARIANCE = 1e-6  # that a law leaves, of the noise without it
 FARTHEST, FARTHEST_POWER = 3.4, 0.7  # of ln of a size, and of a power, from the grid to where it is refined
-MAX_REFERENCE_RANGES = (
-    2.0  # ranges of a variable from its middle, beyond which powers are not printed from its reference
-)
+# ranges of a variable from its middle, beyond which powers are not printed from its reference
+MAX_REFERENCE_RANGES = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +157,7 @@ def block_response(g: Ground, places: Sequence[Place]) -> BlockResponse:
     each = [_roots(g, g.whiten(place.columns(even))) for place in places]
     root, absorbed, y = (np.stack(part) for part in zip(*each, strict=True))
     first = int(np.argmax(root.any(axis=(0, 2))))  # what shows at no place stands first
-    return BlockResponse(*thinned_rows(block, blocks), root[:, first:], absorbed, y[:, first:])
+    return BlockResponse(*_thinned_rows(block, blocks), root[:, first:], absorbed, y[:, first:])
 
 
 def _roots(g: Ground, M: Array) -> tuple[Array, Array, Array]:
@@ -172,7 +170,7 @@ def _roots(g: Ground, M: Array) -> tuple[Array, Array, Array]:
     return size[:, None] * V.T, absorbed, y
 
 
-def thinned_rows(block: Array, blocks: int) -> tuple[Array, Array]:
+def _thinned_rows(block: Array, blocks: int) -> tuple[Array, Array]:
     """Return ordinals of some `ROWS` rows, as many evenly in each block, with their weights in its mean.
 
     A short block has its last row several times, once with a weight.
@@ -258,7 +256,7 @@ class Law:
         h = np.array([m.step / 4 for m in moves])
 
         def at(u: Array) -> float:
-            return likelihood_gain(self.response, moved_expression(e, moves, u * h))
+            return _likelihood_gain(self.response, _moved_expression(e, moves, u * h))
 
         H, one = np.zeros((len(h), len(h))), np.eye(len(h))
         for a in range(len(h)):
@@ -281,13 +279,13 @@ def laws_of(grounds: Sequence[Ground], products: bool = True) -> list[list[Law]]
     scored, number = [list[Scored]() for _ in grounds], np.zeros((len(grounds), 3))
     alike: dict[tuple[int, int, int], dict[int, list[Target]]] = {}
     for k, g in enumerate(grounds):
-        for key, targets in places_alike(g).items():
+        for key, targets in _places_alike(g).items():
             alike.setdefault(key, {})[k] = targets
     for each in alike.values():
         laws = _families(next(iter(each.values())), products)
         lengths = {(" * ".join(own.terms[0].family for own in law), len(law)) for law in laws}
         count = np.bincount([length for _, length in lengths], minlength=4)[1:]
-        for k, own in zip(each, best_families(list(each.values()), laws), strict=True):
+        for k, own in zip(each, _best_families(list(each.values()), laws), strict=True):
             scored[k] += own
             number[k] += len(each[k]) * count
     return [_weighed(*own) for own in zip(grounds, scored, number, strict=True)]
@@ -304,7 +302,7 @@ def _weighed(g: Ground, scored: list[Scored], number: Array) -> list[Law]:
     ln = g.evidence([_columns_at(target.places, orthonormal_span(e.columns)) for target, e in chosen])
     laws = []
     for (target, e), gained in zip(chosen, ln, strict=True):
-        cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + cost_of_unusual(target.places[0], e)
+        cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + _cost_of_unusual(target.places[0], e)
         laws.append(Law(target.places, e, float(gained - cost), target.response, float(cost)))
     return sorted(laws, key=lambda law: -law.evidence)
 
@@ -332,15 +330,15 @@ def _extended_and_refined(scored: list[Scored], share: int) -> list[tuple[Target
         n = len(e.terms) - 1
         if richer[n] < EXTENDED_COUNTS[n] // share and (more := richer_forms(e, len(target.places) > 1)):
             richer[n] += 1  # of those that may become something else
-            scored += best_families([[target]], more)[0]
+            scored += _best_families([[target]], more)[0]
     out = list[tuple[Target, Expression]]()
     for _, target, e in sorted(scored, key=lambda f: -f[0]):
         n = len(e.terms) - 1
         refined[n] += 1
         best = refined[n] <= REFINED_COUNTS[n] // share
         if best or len(out) < WEIGHED_EXPRESSIONS // share:
-            out.append((target, refined_expression(target.response, e) if best else e))
-    return [(target, e) for target, e in out if is_carried_widely(target.response, e)]
+            out.append((target, _refined_expression(target.response, e) if best else e))
+    return [(target, e) for target, e in out if _is_carried_widely(target.response, e)]
 
 
 def _columns_at(places: Sequence[Place], X: Array) -> Array:
@@ -366,16 +364,16 @@ class Target:
         return self.of_all.at(self.at)
 
 
-def places_alike(g: Ground) -> dict[tuple[int, int, int], list[Target]]:
+def _places_alike(g: Ground) -> dict[tuple[int, int, int], list[Target]]:
     """Return the places that show additions, those together in which the same variables stand."""
     alike: dict[tuple[int, int, int], list[Place]] = {}
     for place in g.places:
         alike.setdefault((id(place.stimulus), len(place.block), len(place.variables)), []).append(place)
-    each = ((key, search_targets(places, block_response(g, places))) for key, places in alike.items())
+    each = ((key, _search_targets(places, block_response(g, places))) for key, places in alike.items())
     return {key: own for key, own in each if own}
 
 
-def search_targets(places: Sequence[Place], response: BlockResponse) -> list[Target]:
+def _search_targets(places: Sequence[Place], response: BlockResponse) -> list[Target]:
     """Return each place that responds to additions, and all of a channel together where they are several."""
     size = np.sqrt((response.root**2).sum(axis=1) + (response.absorbed**2).sum(axis=1)).max(axis=1)
     shown = np.flatnonzero(size > MIN_RESPONSE).tolist()
@@ -425,10 +423,10 @@ def trimmed_law(g: Ground, law: Law) -> Law:
     e = e.referred() if max(away) <= MAX_REFERENCE_RANGES else e
     dof = max(len(g.y) - g.Q.shape[1], 1)
     while len(groups := e.groups) > 1:
-        worth = likelihood_gain(law.response, e)
+        worth = _likelihood_gain(law.response, e)
         variance = float(np.clip((g.y @ g.y - 2 * worth) / dof, LEAST_VARIANCE, 1.0))
         least, drop = min(
-            ((worth - likelihood_gain(law.response, e.without(own)), own) for own in groups), key=lambda x: x[0]
+            ((worth - _likelihood_gain(law.response, e.without(own)), own) for own in groups), key=lambda x: x[0]
         )
         if least > MIN_NATS_OF_COLUMN * len(law.places) * variance:
             break
@@ -444,34 +442,33 @@ def centred_jumps(g: Ground, law: Law) -> Law:
     of each constant errs least on the next recording.
     """
     e = begun = _at_rows(law.expression, law.response)
-    worth = likelihood_gain(law.response, begun)
+    worth = _likelihood_gain(law.response, begun)
     variance = float(np.clip((g.y @ g.y - 2 * worth) / max(len(g.y) - g.Q.shape[1], 1), LEAST_VARIANCE, 1.0))
-    for i, j in 2 * jump_constants(e):
+    for i, j in 2 * _jump_constants(e):
         move = _Move(e, i, j)
         u = move.step * np.concatenate([-PROBE_STEPS, [0.0], PROBE_STEPS[::-1]])
-        ln = np.array([likelihood_gain(law.response, moved_expression(e, [move], [x])) for x in u]) / variance
+        ln = np.array([_likelihood_gain(law.response, _moved_expression(e, [move], [x])) for x in u]) / variance
         p = np.exp(ln - ln.max()) * np.gradient(u)
-        e = moved_expression(e, [move], [float(p @ u / p.sum())])
-    if (
-        worth - likelihood_gain(law.response, e) > variance
-    ):  # constants that go with each other: their middle is off the ridge
+        e = _moved_expression(e, [move], [float(p @ u / p.sum())])
+    # The mean of two correlated constants lies off the ridge of their likelihood.
+    if worth - _likelihood_gain(law.response, e) > variance:
         return law
     return replace(law, expression=e.of({v.name: v for v in law.expression.variables}))
 
 
-def jump_constants(e: Expression) -> list[tuple[int, int]]:
+def _jump_constants(e: Expression) -> list[tuple[int, int]]:
     """Return term and constant of what says where an expression jumps, waves of an angle and zero apart."""
     return [(i, j) for i, t in enumerate(e.terms) if t.form.key in JUMPS and t.variable.group != "course"
             for j, c in enumerate(t.form.constants) if t.refined(j) or c.of == "x"]  # fmt: skip
 
 
-def cost_of_unusual(place: Place, e: Expression) -> float:
+def _cost_of_unusual(place: Place, e: Expression) -> float:
     """Nats against what stands for another: angles of what is felt in an output, forces in a gimbal; and rare forms."""
     of = "force" if place.channel in ("gimbal_angle", "pointing") else "angle"
     return UNUSUAL_NATS * (sum(v.group == of for v in e.variables) + sum(t.form.key in RARE_FORMS for t in e.terms))
 
 
-def best_families(grounds: Sequence[Sequence[Target]], laws: Sequence[Family]) -> list[list[Scored]]:
+def _best_families(grounds: Sequence[Sequence[Target]], laws: Sequence[Family]) -> list[list[Scored]]:
     """Return for each ground the best families of each length at each of its targets, at their best constants; at
     several places those that are better than at one.
 
@@ -536,7 +533,7 @@ def likelihood_gains(response: BlockResponse, B: Array) -> Array:
     return np.asarray(np.einsum("pmk,pkm->pk", b, np.linalg.solve(G, b.transpose(0, 2, 1)[..., None])[..., 0]) / 2)
 
 
-def is_carried_widely(response: BlockResponse, e: Expression) -> bool:
+def _is_carried_widely(response: BlockResponse, e: Expression) -> bool:
     """Return whether what a law adds is spread over several stretches and not an outlier of one or two."""
     B = response.means_of(e)
     each = zip(response.root, response.y, strict=True)
@@ -545,7 +542,7 @@ def is_carried_widely(response: BlockResponse, e: Expression) -> bool:
     return bool(square.sum() ** 2 > MIN_STRETCHES * (square**2).sum())
 
 
-def likelihood_gain(response: BlockResponse, e: Expression) -> float:
+def _likelihood_gain(response: BlockResponse, e: Expression) -> float:
     """Return the ln likelihood that an expression at the rows of a response takes away of the misfit."""
     return float(likelihood_gains(response, response.means_of(e)[:, :, None]).sum())
 
@@ -596,11 +593,11 @@ class _Move:
         return self.i, self.j, float(x)
 
 
-def moved_expression(e: Expression, moves: Sequence[_Move], u: Sequence[float] | Array) -> Expression:
+def _moved_expression(e: Expression, moves: Sequence[_Move], u: Sequence[float] | Array) -> Expression:
     return e.at([m.at(float(x)) for m, x in zip(moves, u, strict=True)])
 
 
-def refined_expression(response: BlockResponse, e: Expression) -> Expression:
+def _refined_expression(response: BlockResponse, e: Expression) -> Expression:
     """The expression with its constants where they take away most."""
     for i, k in [(i, k) for i, t in enumerate(e.terms) for k in range(len(t.constants))]:
         near = TermGroup((e.terms[i], *moved_threshold(e.terms[i], k)))
@@ -611,8 +608,8 @@ def refined_expression(response: BlockResponse, e: Expression) -> Expression:
     if not moves:
         return e
     jumps = any(e.terms[m.i].form.key in JUMPS for m in moves)
-    other = moved_expression(e, moves, (_by_simplex if jumps else _by_derivatives)(response, e, moves))
-    return other if likelihood_gain(response, other) > likelihood_gain(response, e) else e
+    other = _moved_expression(e, moves, (_by_simplex if jumps else _by_derivatives)(response, e, moves))
+    return other if _likelihood_gain(response, other) > _likelihood_gain(response, e) else e
 
 
 def _by_simplex(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:
@@ -620,7 +617,7 @@ def _by_simplex(response: BlockResponse, e: Expression, moves: Sequence[_Move]) 
     from scipy.optimize import minimize
 
     def cost(u: Array) -> float:
-        return -likelihood_gain(response, moved_expression(e, moves, u))
+        return -_likelihood_gain(response, _moved_expression(e, moves, u))
 
     begun, steps = np.zeros(len(moves)), np.array([m.step for m in moves])
     simplex = np.concatenate([begun[None], np.diag(steps)])
@@ -637,7 +634,7 @@ def _by_derivatives(response: BlockResponse, e: Expression, moves: Sequence[_Mov
     steps = np.array([m.step for m in moves])
 
     def shown(u: Array) -> Array:
-        B = response.means_of(moved_expression(e, moves, u * steps))
+        B = response.means_of(_moved_expression(e, moves, u * steps))
         X, taken = response.root @ B, response.absorbed @ B
         square, hidden = (X**2).sum(axis=1), (taken**2).sum(axis=1)
         return np.where((square > MIN_SHARE_OF_COLUMN**2 * (square + hidden))[:, None], X, 0.0)

@@ -30,9 +30,8 @@ from gimbalcal.views.core import Fit, View, absent_effect
 PEAKS = 3  # of a scan over whole numbers
 STILL_SHARE = 0.01  # of a column: a gimbal that stands still but for the drift of its readout
 MISFIT_RATIO_OF_ORDERS = 5.0  # times the relative misfit: laws of second and third degree, sums of a few
-NEIGHBOUR_VALUES = (
-    24  # values of a scan on either side, a third of a line apart, of which the median is the noise at a line
-)
+# values of a scan on either side, a third of a line apart, of which the median is the noise at a line
+NEIGHBOUR_VALUES = 24
 NEIGHBOURING_ORDERS = 9  # whole numbers about each of them
 SCALE_STEP = 0.5  # of ln of the scale of a channel, between those at which whole numbers are scanned
 MAX_CHOICES = 150  # choices of constants that are weighed beside each other; of more, those that explain most
@@ -111,7 +110,7 @@ def _of_effect(maker: _Columns, effect_id: str, blocks: list[Array]) -> list[Can
     )  # fmt: skip
     if not v.noise.scale_known and there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):
         first = absent_effect(effect_id, v.stimulus, "", **dict(constant_choices(cls, v.stimulus)[0]))
-        own = columns_beyond(np.nan_to_num(maker.rows.columns(first, wanted)), maker.taken)
+        own = _columns_beyond(np.nan_to_num(maker.rows.columns(first, wanted)), maker.taken)
         wanted = tuple(p for p, shown in zip(wanted, own, strict=True) if shown or p.axis not in v.stimulus.axis_names)
     if not wanted:
         return []
@@ -127,7 +126,7 @@ def _of_effect(maker: _Columns, effect_id: str, blocks: list[Array]) -> list[Can
     for source in covariate_sources(cls, v.stimulus):
         if there is None:
             last = max(order_of(p) for p in wanted)
-            tried, count = weighed_choices(maker, cls, source, columns if last == 1 else leading, last)
+            tried, count = _weighed_choices(maker, cls, source, columns if last == 1 else leading, last)
         elif source == (getattr(there, "covariate", "") if source else ""):
             # its constants were chosen among as many, unless another axis has determined them
             in_model = any(p.effect == effect_id for p in modelled)
@@ -142,7 +141,7 @@ def _of_effect(maker: _Columns, effect_id: str, blocks: list[Array]) -> list[Can
     return out
 
 
-def weighed_choices(
+def _weighed_choices(
     maker: _Columns, cls: type[Effect], source: str, columns: Callable[[Effect], Array], orders: int
 ) -> tuple[list[Constants], int]:
     """Return the choices of constants that are weighed, and of how many they are the best, 0 for all of them.
@@ -152,13 +151,13 @@ def weighed_choices(
     v = maker.fit.view
     every = constant_choices(cls, v.stimulus)
     if not v.noise.scale_known:
-        return scanned_orders(v, cls, maker.misfit, columns, every, orders)
+        return _scanned_orders(v, cls, maker.misfit, columns, every, orders)
     if len(every) > MAX_CHOICES:
-        return likeliest_choices(maker.fit, cls, source, every, columns), len(every)
+        return _likeliest_choices(maker.fit, cls, source, every, columns), len(every)
     return every, 0
 
 
-def likeliest_choices(
+def _likeliest_choices(
     o: Fit, cls: type[Effect], source: str, every: Sequence[Constants], columns: Callable[[Effect], Array]
 ) -> list[Constants]:
     """The `MAX_CHOICES` choices that take away most of what the calibration leaves of the data, in order.
@@ -196,14 +195,14 @@ def orthonormal_basis(J: Array) -> Array:
     return orthonormal(A / (np.linalg.norm(A, axis=0) + 1e-300))
 
 
-def columns_beyond(X: Array, Q: Array) -> NDArray[np.bool_]:
+def _columns_beyond(X: Array, Q: Array) -> NDArray[np.bool_]:
     """Return which of the columns X (n, C, p) are more than what Q (n C, q) spans."""
     A = X.reshape(len(Q), -1)
     remainder = np.linalg.norm(A - Q @ (Q.T @ A), axis=0)
     return np.asarray(remainder > STILL_SHARE * np.linalg.norm(A, axis=0))
 
 
-def scanned_orders(
+def _scanned_orders(
     v: View, cls: type[Effect], misfit: Array, columns: Callable[[Effect], Array], tried: list[Constants], orders: int
 ) -> tuple[list[Constants], int]:
     """Whole numbers about those that explain most of a misfit (n, C), of all that the readouts tell apart; how many.
@@ -228,10 +227,10 @@ def scanned_orders(
         )
         power = power / np.maximum(level, 1e-300)
     step = float(every[1] - every[0])
-    chosen = set(between_scanned(every[highest_peaks(power, PEAKS)], step))
+    chosen = set(between_scanned(every[_highest_peaks(power, PEAKS)], step))
     if orders > 1:
         numbers, of_series = power_of_harmonics(power, every, orders)
-        chosen |= set(between_scanned(numbers[highest_peaks(of_series, PEAKS)], 1 + np.ceil(step / orders)))
+        chosen |= set(between_scanned(numbers[_highest_peaks(of_series, PEAKS)], 1 + np.ceil(step / orders)))
     return [((whole.name, m),) for m in sorted(chosen)], len(every)
 
 
@@ -281,7 +280,7 @@ def power_of_harmonics(power: Array, every: Array, orders: int) -> tuple[Array, 
     return numbers, np.asarray(padded[np.minimum(at, len(power))].sum(axis=1))
 
 
-def highest_peaks(power: Array, count: int) -> list[int]:
+def _highest_peaks(power: Array, count: int) -> list[int]:
     """Return the ordinals of the highest local maxima of a scan over whole numbers, in order."""
     padded = np.concatenate([[-np.inf], power, [-np.inf]])
     top = np.flatnonzero((power >= padded[:-2]) & (power >= padded[2:]))

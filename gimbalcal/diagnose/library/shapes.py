@@ -27,9 +27,8 @@ MAX_JUDGED_ROWS = 2000  # reduced rows on which that is judged: all of 18 positi
 RIVAL_SIGMA = 3.0  # prior size of one shape, in sigmas of a row: mixed over 0.1 to 100 like every other
 SLOW, FAST = range(1, 9), range(9, 21)  # half periods of a course in time
 CURVE = range(4, 10)  # degrees of a curve: a square and a cube have causes
-MIN_SHAPE_SHARE = (
-    0.03  # of a shape, which directions read with noise still tell where the model has taken all that poses tell
-)
+# of a shape, which directions read with noise still tell where the model has taken all that poses tell
+MIN_SHAPE_SHARE = 0.03
 MIN_TRAVEL_RAD = 1e-2  # a gimbal that moves less stands still
 Shape = tuple[str, str, Array]  # name, in words, basis (n, m)
 
@@ -40,7 +39,7 @@ def shapes_in_outputs(o: Fit, blocks: list[Array]) -> list[Candidate]:
     Free per position, smooth in orientation, in time, in temperature, gimbal harmonics; and simple laws.
     """
     out: list[Candidate] = []
-    axes = accelerometer_responses(o)
+    axes = _accelerometer_responses(o)
     for name, (words, basis) in shapes(o).items():
         scaled = unit_rms(basis)
         every: list[int] = []
@@ -69,7 +68,7 @@ def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
     known = normalised(np.concatenate([b[:MAX_JUDGED_ROWS] for b in blocks], axis=1))
     out = []
     for name, (words, bases) in product_laws(o).items():
-        for axis, along in accelerometer_responses(o):
+        for axis, along in _accelerometer_responses(o):
             variants = []
             for basis in bases:
                 X = o.reduced(along[:, :, None] * unit_rms(basis)[:, None, :])
@@ -80,7 +79,7 @@ def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
     return out
 
 
-def accelerometer_responses(o: Fit) -> list[tuple[str, Array]]:
+def _accelerometer_responses(o: Fit) -> list[tuple[str, Array]]:
     """Return the response (n, C) of all channels to one sigma of a row added to each logged accelerometer."""
     S = o.rows.sensitivity[Stage.ACCELEROMETER]
     out = []
@@ -140,7 +139,7 @@ def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: i
             scaled = rms * unit_rms((response * basis)[:, : max(1, free // 2)])
             X = np.zeros((n, C, scaled.shape[1]))
             X[:, c] = scaled
-            X = combinations_beyond(X / (rms or 1.0), taken) * rms
+            X = _combinations_beyond(X / (rms or 1.0), taken) * rms
             if not X.shape[-1]:
                 continue
             span = tuple(appended_to(blocks, X))
@@ -155,7 +154,7 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
     rms = float(np.sqrt(np.mean((misfit * w) ** 2)))
     Q = orthonormal(w.reshape(-1, 1) * taken)
     for quantity, axis in ((q, a) for q in (FORCE, RATE) for a in "xyz"):
-        for name, words, columns in shapes_of_turned_unit(v, quantity, axis):
+        for name, words, columns in _shapes_of_turned_unit(v, quantity, axis):
             A = (columns * w[..., None]).reshape(len(taken), -1)
             A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
             remainder = A - Q @ (Q.T @ A)
@@ -169,7 +168,7 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
     return tuple(out)
 
 
-def shapes_of_turned_unit(v: View, quantity: str, axis: str) -> Iterator[Shape]:
+def _shapes_of_turned_unit(v: View, quantity: str, axis: str) -> Iterator[Shape]:
     """Yield what a sensor of a unit that is turned may follow, as columns (n, C, m)."""
     s = v.stimulus
 
@@ -182,11 +181,11 @@ def shapes_of_turned_unit(v: View, quantity: str, axis: str) -> Iterator[Shape]:
     yield (
         "orientation",
         "a smooth function of the direction of gravity",
-        added("orientation", polynomials(unit_force(v))),
+        added("orientation", polynomials(_unit_force(v))),
     )
     rate = _of_rate(s.rate / (np.abs(s.rate).max() or 1.0))
     yield "rate", "a smooth function of the rate of turn", added("rate", rate)
-    if warms_up(v):
+    if _warms_up(v):
         yield (
             "temperature",
             "a function of temperature",
@@ -201,7 +200,7 @@ def _of_rate(rate: Array) -> Array:
     return np.stack([x * x, y * y, z * z, x * y, y * z, z * x, *np.abs(rate.T), *third], axis=-1)
 
 
-def combinations_beyond(X: Array, Q: Array) -> Array:
+def _combinations_beyond(X: Array, Q: Array) -> Array:
     """Combinations (n, C, q) of unit columns X (n, C, p) of which Q (n C, m) leaves more than `MIN_SHAPE_SHARE`."""
     A = X.reshape(len(Q), -1)
     _, S, Vt = np.linalg.svd(A - Q @ (Q.T @ A), full_matrices=False)
@@ -220,32 +219,32 @@ def _outer_axis(v: View) -> Array:
 def _of_view(v: View) -> Iterator[Shape]:
     """Yield what a channel may follow as it is."""
     follows = v.measurement.patterns
-    yield "time", "a smooth function of time", course_cosines(v, SLOW)
+    yield "time", "a smooth function of time", _course_cosines(v, SLOW)
     if "fast time" in follows:
-        yield "fast time", "a pattern in time", course_cosines(v, FAST)
+        yield "fast time", "a pattern in time", _course_cosines(v, FAST)
     if "angles" in follows:
         yield from _angle_harmonics(v)
     if "orientation" in follows:
-        yield "orientation", "a smooth function of the direction of gravity", polynomials(unit_force(v))
-    if "temperature" in follows and warms_up(v):
+        yield "orientation", "a smooth function of the direction of gravity", polynomials(_unit_force(v))
+    if "temperature" in follows and _warms_up(v):
         yield "temperature", "a function of temperature", thermal_polynomials(v.time, _temperature(v))
 
 
 def _of_accelerometers(v: View) -> Iterator[Shape]:
     """Yield what each accelerometer may follow: a course in time or temperature, or a curve of the force along it."""
-    u = unit_force(v)
+    u = _unit_force(v)
     for i, axis in enumerate("xyz"):
         along = u[:, i : i + 1]
-        yield f"time {axis}", f"a smooth function of time along {axis}", along * course_cosines(v, SLOW)
-        yield f"fast time {axis}", f"a pattern in time along {axis}", along * course_cosines(v, FAST)
+        yield f"time {axis}", f"a smooth function of time along {axis}", along * _course_cosines(v, SLOW)
+        yield f"fast time {axis}", f"a pattern in time along {axis}", along * _course_cosines(v, FAST)
         yield (
             f"scale {axis}",
             f"a scale factor that changes in time along {axis}",
-            along**2 * course_cosines(v, [*SLOW, *FAST]),
+            along**2 * _course_cosines(v, [*SLOW, *FAST]),
         )
         curve = legendre.legvander(u[:, i], CURVE[-1])[:, CURVE[0] :]
         yield f"curve {axis}", f"a curve of the force along {axis}", along * curve
-        if warms_up(v):
+        if _warms_up(v):
             hot = thermal_polynomials(v.time, _temperature(v))
             yield f"temperature {axis}", f"a function of temperature along {axis}", along * hot
 
@@ -268,23 +267,23 @@ def shapes(o: Fit) -> dict[str, tuple[str, Array]]:
     """Bases (n, m) of the rivals that act on each accelerometer output."""
     v, s = o.view, o.view.stimulus
     orders = range(1, 11) if v.kind.in_positions else range(1, 21)
-    out = {"time": ("a smooth function of time", course_cosines(v, orders))}
+    out = {"time": ("a smooth function of time", _course_cosines(v, orders))}
     if o.view.kind.in_positions:
         places = np.unique(s.position)
         if len(places) <= PLACES:
             out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
-        out["orientation"] = ("a smooth function of the direction of gravity", polynomials(unit_force(v)))
+        out["orientation"] = ("a smooth function of the direction of gravity", polynomials(_unit_force(v)))
         if s.since_move.max() > 0:
-            out["settling"] = ("a course of its own after each move", settling_basis(o))
+            out["settling"] = ("a course of its own after each move", _settling_basis(o))
     else:
         phase = np.arctan2(s.force[:, 1], s.force[:, 0])
         out["orientation"] = ("harmonics of the sidereal angle", _waves(phase, range(2, 7)))
-    if warms_up(v):
+    if _warms_up(v):
         out["temperature"] = ("a function of temperature", thermal_polynomials(s.time, _temperature(v)))
     return out
 
 
-def settling_basis(o: Fit) -> Array:
+def _settling_basis(o: Fit) -> Array:
     """Forces, and their changes at the last move, dying away at three speeds within a dwell: a basis (n, up to 18)."""
     s = o.view.stimulus
     longest = float(s.since_move.max())
@@ -314,12 +313,12 @@ def thermal_polynomials(time: Array, temperature: Array) -> Array:
     x = centred / (np.abs(centred).max() + 1e-12)
     poly = legendre.legvander(x, 5)[:, 2:]
     width = max(2.0, len(time) / 200)
-    rate = np.gradient(gaussian_smoothed(temperature, width), time)
+    rate = np.gradient(_gaussian_smoothed(temperature, width), time)
     rate = rate / (np.abs(rate).max() + 1e-300)
     return np.concatenate([poly, np.stack([rate, rate**2, rate**3], axis=-1)], axis=1)
 
 
-def gaussian_smoothed(x: Array, width: float) -> Array:
+def _gaussian_smoothed(x: Array, width: float) -> Array:
     """x (n,) through a Gaussian of so many rows, mirrored at its ends."""
     reach = int(4 * width + 0.5)
     bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
@@ -385,13 +384,13 @@ def _above_second(angle: Array) -> Array:
     return np.asarray(U[:, S > 1e-2 * np.sqrt(len(angle))] * np.sqrt(len(angle)))
 
 
-def unit_force(v: View) -> Array:
+def _unit_force(v: View) -> Array:
     """Unit force (n, 3)."""
     force = v.stimulus.force
     return np.asarray(force / np.linalg.norm(force, axis=-1, keepdims=True))
 
 
-def course_cosines(v: View, orders: Sequence[int]) -> Array:
+def _course_cosines(v: View, orders: Sequence[int]) -> Array:
     """Cosines over the recording (n, m)."""
     t = v.elapsed
     return np.asarray(np.cos(np.pi * np.outer(t / (t.max() or 1.0), orders)))
@@ -402,7 +401,7 @@ def _waves(angle: Array, orders: Sequence[int]) -> Array:
     return np.stack([f(k * angle) for k in orders for f in (np.cos, np.sin)], axis=-1)
 
 
-def warms_up(v: View) -> bool:
+def _warms_up(v: View) -> bool:
     return v.stimulus.temperature is not None and bool(np.ptp(v.stimulus.temperature) > 0)
 
 

@@ -44,7 +44,7 @@ class Variable:
 
 def variables(s: Stimulus, still: bool = False) -> tuple[Variable, ...]:
     """Return what varies in a recording, or stands `still` too, and may be the argument of a law."""
-    return tuple(v for v in every_variable(s) if still or is_variable(v))
+    return tuple(v for v in _every_variable(s) if still or is_variable(v))
 
 
 def is_variable(v: Variable) -> bool:
@@ -60,24 +60,26 @@ def joined_variables(each: Sequence[Sequence[Variable]]) -> tuple[Variable, ...]
     for vs in (vs for vs in shared if len({(v.unit, v.group) for v in vs}) == 1):
         x = np.concatenate([v.x for v in vs])
         at = vs[0].reference if len({v.reference for v in vs}) == 1 else float(x.mean())
-        out.append(replace(vs[0], x=x, origin=middle_value(x) if vs[0].group in CENTRED_GROUPS else 0.0, reference=at))
+        out.append(
+            replace(vs[0], x=x, origin=_middle_of_range(x) if vs[0].group in CENTRED_GROUPS else 0.0, reference=at)
+        )
     return tuple(v for v in out if is_variable(v))
 
 
-def middle_value(x: Array) -> float:
+def _middle_of_range(x: Array) -> float:
     return float(x.min() + x.max()) / 2
 
 
-def every_variable(s: Stimulus) -> list[Variable]:
+def _every_variable(s: Stimulus) -> list[Variable]:
     out = list[Variable]()
     if s.true_angle is None:  # of a mount the angles say it
         out += [Variable(f"force_{a}", "g", s.force[:, i], f"s.force[:, {i}]", "force") for i, a in enumerate("xyz")]
-    out += [Variable(plain_name(name), "rad", s.angle[:, i], f"angle(s, {name!r})", "angle")
+    out += [Variable(_symbol_name(name), "rad", s.angle[:, i], f"angle(s, {name!r})", "angle")
             for i, name in enumerate(s.axis_names)]  # fmt: skip
     if s.latitude is not None and set(s.axis_names) == {"azimuth", "elevation"}:
         out.append(Variable("parallactic_angle", "rad", s.parallactic_angle(), "s.parallactic_angle()", "angle"))
     out += [Variable(f"rate_{a}", "deg/s", s.rate[:, i], f"s.rate[:, {i}]", "rate") for i, a in enumerate("xyz")]
-    out += [Variable("time", "s", s.time, "s.time", "time", middle_value(s.time))]
+    out += [Variable("time", "s", s.time, "s.time", "time", _middle_of_range(s.time))]
     if s.visit[-1] > s.visit[0]:
         out += [Variable("since_move", "s", s.since_move, "s.since_move", "since")]
         out += _of_moves(s)
@@ -85,10 +87,10 @@ def every_variable(s: Stimulus) -> list[Variable]:
         needs, code = "temperature", "smoothed_rate(s.temperature, s.time, max(s.time) / 100)"
         T, course = s.temperature, smoothed_rate(s.temperature, s.time, float(np.max(s.time)) / 100)
         at = s.reference_temperature
-        out.append(Variable("temperature", "degC", T, "s.temperature", "logged", middle_value(T), at, needs))
+        out.append(Variable("temperature", "degC", T, "s.temperature", "logged", _middle_of_range(T), at, needs))
         out.append(Variable("temperature_rate", "degC/h", course, code, "course", needs=needs))
     out += [
-        Variable(plain_name(name), "", x, f"s.covariates[{name!r}]", "logged", middle_value(x), float(x.mean()),
+        Variable(_symbol_name(name), "", x, f"s.covariates[{name!r}]", "logged", _middle_of_range(x), float(x.mean()),
                  f"covariate:{name}")
         for name, x in s.covariates.items()
     ]  # fmt: skip
@@ -101,8 +103,8 @@ def _of_moves(s: Stimulus) -> list[Variable]:
     for i, name in enumerate(s.axis_names):
         angle, code = np.round(s.move_angle[:, i], 6), f"moved(s, {name!r})"
         if len(np.unique(np.sign(angle))) > 1:
-            out.append(Variable(f"approach_{plain_name(name)}", "", np.sign(angle), f"sign({code})", "move"))
-        out.append(Variable(f"{plain_name(name)}_change", "rad", s.move_angle[:, i], code, "move"))
+            out.append(Variable(f"approach_{_symbol_name(name)}", "", np.sign(angle), f"sign({code})", "move"))
+        out.append(Variable(f"{_symbol_name(name)}_change", "rad", s.move_angle[:, i], code, "move"))
     if s.true_angle is None:
         for i, a in enumerate("xyz"):
             change, code = s.move_force[:, i], f"s.move_force[:, {i}]"
@@ -112,7 +114,7 @@ def _of_moves(s: Stimulus) -> list[Variable]:
     return out
 
 
-def plain_name(name: str) -> str:
+def _symbol_name(name: str) -> str:
     """A name that Python and sympy read as a symbol."""
     plain = "".join(c if c.isalnum() else "_" for c in name)
     bad = not plain.isidentifier() or keyword.iskeyword(plain) or plain in RESERVED or LETTER.fullmatch(plain)

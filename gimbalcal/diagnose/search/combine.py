@@ -101,7 +101,7 @@ def _with_second(
         else:
             ln[partners] = evidence_beside(s.projections, s.library, s.null, s.joint, mine, partners, keep)
         values.append(ln)
-        without.append(np.asarray(evidence_in_one(s, mine, keep)))
+        without.append(np.asarray(_evidence_in_one(s, mine, keep)))
     return c.summed(values, without)
 
 
@@ -116,7 +116,7 @@ def _own_pairs(s: Search) -> Pairs:
     return out
 
 
-def evidence_in_one(s: Search, members: tuple[int, ...], keep: int) -> float:
+def _evidence_in_one(s: Search, members: tuple[int, ...], keep: int) -> float:
     """ln BF of these members in one recording."""
     if len(members) == 1:
         return float(s.singles[members[0]])

@@ -30,7 +30,7 @@ from gimbalcal.diagnose.evidence.scale import Free
 from gimbalcal.diagnose.evidence.stated_noise import coloured_row_count
 from gimbalcal.diagnose.library.assemble import assemble_library as library_of
 from gimbalcal.diagnose.library.candidates import Candidate, Layout, Library, SelectedCause
-from gimbalcal.diagnose.search.refine import refine_constants
+from gimbalcal.diagnose.search.refine import with_finer_constants
 from gimbalcal.diagnose.search.refit import channels_of
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.inference.algebra import logsumexp, orthonormal_columns
@@ -233,11 +233,12 @@ def search(fit: Fit, candidates: Library | None = None, nodes: Sequence[Node] = 
     rows = reduced_rows(fit, library.X, nodes)
     projections = project_all(nodes, rows, layout=library.layout)
     if fit.view.noise.scale_known:
-        library = visible_candidates(
-            library, projections[0]
-        )  # the least noise of the grid: what it hides, they all hide
+        # What the least noise of the grid hides, all of them hide.
+        library = _visible_candidates(library, projections[0])
     factors = bayes_factors(projections, library.layout)
-    finer = refine_constants(fit, library, projections, *factors[1:], rows) if fit.view.noise.scale_known else library
+    finer = (
+        with_finer_constants(fit, library, projections, *factors[1:], rows) if fit.view.noise.scale_known else library
+    )
     if finer is not library:
         rows = append_columns(rows, library.X, finer.X[:, library.X.shape[1] :])
         projections, library = project_all(nodes, rows, projections), finer
@@ -273,7 +274,7 @@ def ranked_hypotheses(
     return tuple(sorted(every, key=lambda h: -h.ln_weight)), share
 
 
-def visible_candidates(library: Library, p: Projection) -> Library:
+def _visible_candidates(library: Library, p: Projection) -> Library:
     """Only candidates of which the calibration leaves something at ten times their plausible size."""
     norm = np.sqrt(p.G.diagonal)
     kept = [c for c in library.candidates if max(norm[list(v.index)].max() for v in c.variants) > MIN_SIGMAS_PER_PRIOR]
@@ -315,7 +316,7 @@ def promising_pairs(
     for (i, j), value in best.items():
         share = np.log(BESIDE if rival[j] else PAIR * 2) + prior[i] + prior[j]
         out.append(Hypothesis((i, j), value, value + float(share)))
-    return out + promising_thirds(candidates, prior, floor, gained, out) if detected else out
+    return out + _promising_thirds(candidates, prior, floor, gained, out) if detected else out
 
 
 def candidates_overlap(candidates: Sequence[Candidate], i: int, j: int) -> bool:
@@ -325,7 +326,7 @@ def candidates_overlap(candidates: Sequence[Candidate], i: int, j: int) -> bool:
     return one.effect == other.effect and ("," in one.axis or "," in other.axis or bool(shared))
 
 
-def promising_thirds(
+def _promising_thirds(
     candidates: Sequence[Candidate], prior: Array, floor: float, gained: Gained, hypotheses: Sequence[Hypothesis]
 ) -> list[Hypothesis]:
     top = max((h for h in hypotheses if not h.unknown(candidates)), key=lambda h: h.ln_weight, default=None)

@@ -28,7 +28,7 @@ SECANTS = 8  # steps of size and calibration together; they settle in three or f
 BRANCHES = 3  # positions at which the sign of a force may turn out to be the other one
 
 
-def refine_constants(
+def with_finer_constants(
     o: Fit, library: Library, projections: Sequence[Projection], total: Array, joint: Array, rows: ReducedRows
 ) -> Library:
     """Add finer values of the non-linear constants around the best of each promising candidate."""
@@ -41,7 +41,7 @@ def refine_constants(
         if c.rival or total[i] < best - MAX_NATS_BEHIND - 0.2 * best:
             continue
         p = projections[int(np.argmax(joint[:, i]))]
-        refined = narrowed_values(o, c, p, rows) if continuous_constants(c) else relinearised_candidate(o, c, stated)
+        refined = _narrowed_values(o, c, p, rows) if _continuous_constants(c) else _relinearised_candidate(o, c, stated)
         variants = list(c.variants)
         for v, X in refined:
             variants.append(replace(v, index=tuple(range(at, at + X.shape[1]))))
@@ -53,18 +53,18 @@ def refine_constants(
     return Library(tuple(candidates), np.concatenate(blocks, axis=1))
 
 
-def continuous_constants(c: Candidate) -> list[Constant]:
+def _continuous_constants(c: Candidate) -> list[Constant]:
     """Constants of the effect that can take any value."""
     return [f for f in constants(CATALOGUE[c.effect]) if not kind(f).counts]
 
 
-def narrowed_values(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tuple[Variant, Array]]:
+def _narrowed_values(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> list[tuple[Variant, Array]]:
     """Finer values of each constant in turn about the best variant; as heavy together as it, then a third of that."""
     score = any_size(p, np.array([v.index for v in c.variants]))
     start = c.variants[int(np.argmax(score))]
     here = dict(start.constants)
-    fields = continuous_constants(c)
-    ranges = {f.name: neighbouring_values(c, f.name, here[f.name]) for f in fields}
+    fields = _continuous_constants(c)
+    ranges = {f.name: _neighbouring_values(c, f.name, here[f.name]) for f in fields}
     refined: list[tuple[Variant, Array]] = []
     best, share = float(max(score)), start.weight
     for _ in range(ROUNDS):
@@ -81,7 +81,7 @@ def narrowed_values(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> l
                 tried.append(ln)
                 if ln > best:
                     best, here = ln, there
-            ranges[f.name] = shrink_cell(ranges[f.name], here[f.name])
+            ranges[f.name] = _shrink_cell(ranges[f.name], here[f.name])
             flat = flat and float(np.ptp(tried or [0.0])) < FLAT_NATS
         share /= 3
         if flat:
@@ -89,19 +89,19 @@ def narrowed_values(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> l
     return refined
 
 
-def neighbouring_values(c: Candidate, name: str, value: float) -> tuple[float, float]:
+def _neighbouring_values(c: Candidate, name: str, value: float) -> tuple[float, float]:
     """Neighbouring grid values of one constant."""
     x = np.unique([dict(v.constants)[name] for v in c.variants])
     j = int(np.argmin(np.abs(x - value)))
     return float(x[max(j - 1, 0)]), float(x[min(j + 1, len(x) - 1)])
 
 
-def shrink_cell(cell: tuple[float, float], value: float) -> tuple[float, float]:
+def _shrink_cell(cell: tuple[float, float], value: float) -> tuple[float, float]:
     width = (cell[1] - cell[0]) / (FINE_VALUES + 1)
     return value - width, value + width
 
 
-def relinearised_candidate(o: Fit, c: Candidate, p: Projection) -> list[tuple[Variant, Array]]:
+def _relinearised_candidate(o: Fit, c: Candidate, p: Projection) -> list[tuple[Variant, Array]]:
     """For an effect that bends with its own size: secants at the size and calibration that fit best with it.
 
     Near null, small angles decide the sign of a force, and with it the branch of a law such as a dead zone: angles of
@@ -115,12 +115,12 @@ def relinearised_candidate(o: Fit, c: Candidate, p: Projection) -> list[tuple[Va
     tangent = float(p.b[at, 0] / max(p.G.diagonal[at], 1e-12)) * c.parameters[0].sigma
     if tangent == 0.0:
         return []
-    best = fit_by_secants(o, c, p, Z, y, tangent, frozenset())
+    best = _fit_by_secants(o, c, p, Z, y, tangent, frozenset())
     if best is None:
         return []
     tried = [best]
     for _ in range(BRANCHES):
-        bent = [fit_by_secants(o, c, p, Z, y, best.size, best.flipped | {i}) for i in best.doubtful - best.flipped]
+        bent = [_fit_by_secants(o, c, p, Z, y, best.size, best.flipped | {i}) for i in best.doubtful - best.flipped]
         more = [b for b in bent if b is not None]
         tried += more
         better = min(more, key=lambda b: b.misfit, default=best)
@@ -141,7 +141,7 @@ class _Bent:
     column: Array
 
 
-def fit_by_secants(
+def _fit_by_secants(
     o: Fit, c: Candidate, p: Projection, Z: Array, y: Array, size: float, flipped: frozenset[int]
 ) -> _Bent | None:
     """Size and calibration fitted together by secants, the force at some positions held on the other side of null.
@@ -151,7 +151,7 @@ def fit_by_secants(
     sigma, stage = c.parameters[0].sigma, CATALOGUE[c.effect].stage
     s = o.rows.seen[stage]
     for _ in range(SECANTS):
-        column = secant_column(o, c, size, _other_side(s, c.axis, flipped, size))
+        column = _secant_column(o, c, size, _other_side(s, c.axis, flipped, size))
         if not np.isfinite(column).all():
             return None
         A = np.concatenate([Z, p.node.whiten(o.reduced(column[:, :, None]))], axis=1)
@@ -160,10 +160,10 @@ def fit_by_secants(
         if root == 0.0 or abs(root - size) < 0.01 * abs(size):
             break
         size, s = root, shifted_stimulus(o, x[:-1], stage)
-    return _Bent(float(((y[:, 0] - A @ x) ** 2).sum()), size, flipped, doubtful_positions(s, c.axis, size), column)
+    return _Bent(float(((y[:, 0] - A @ x) ** 2).sum()), size, flipped, _doubtful_positions(s, c.axis, size), column)
 
 
-def doubtful_positions(s: Stimulus, axis: str, size: float) -> frozenset[int]:
+def _doubtful_positions(s: Stimulus, axis: str, size: float) -> frozenset[int]:
     """Positions at which the force along an axis is within three sizes of null."""
     inside = np.abs(s.force[:, "xyz".index(axis)]) < 3 * abs(size) if axis in "xyz" else np.zeros(len(s.time), bool)
     return frozenset(int(i) for i in np.unique(s.position[inside]))
@@ -179,7 +179,7 @@ def _other_side(s: Stimulus, axis: str, flipped: frozenset[int], size: float) ->
     return s.at(force=force)
 
 
-def secant_column(o: Fit, c: Candidate, size: float, s: Stimulus) -> Array:
+def _secant_column(o: Fit, c: Candidate, size: float, s: Stimulus) -> Array:
     """Column (n, C) per prior sigma of the change that this size of the parameter makes."""
     cls, names = CATALOGUE[c.effect], o.view.stimulus.axis_names
     none: Effect = absent_effect(c.effect, o.view.stimulus)

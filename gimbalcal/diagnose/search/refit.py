@@ -28,7 +28,7 @@ GAIN = 1e-6  # share of the misfit that a last step takes away: 1e-4 nats in a h
 
 def refit(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fit:
     """Fit all wanted parameters, each channel weighted by its own scatter where the channels do not scatter alike."""
-    return _in_own_scales(v, lambda v, m: least_squares_minimum(v, effects if m is None else m.effects, wanted))
+    return _in_own_scales(v, lambda v, m: _least_squares_minimum(v, effects if m is None else m.effects, wanted))
 
 
 def _in_own_scales(v: View, fitted: Callable[[View, Fit | None], Fit]) -> Fit:
@@ -65,7 +65,7 @@ def channels_of(v: View, unit: float) -> Channels | None:
     return Channels(noise.scales or (1.0,) * C, tuple(sample.tolist()), max_memory)
 
 
-def least_squares_minimum(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fit:
+def _least_squares_minimum(v: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fit:
     """Least squares on all wanted parameters, to the minimum; directions that the rows do not see stay where they are.
 
     Damped steps, so that no fit ends worse than it began. What the rows see is asked at the minimum, where the misfit
@@ -77,11 +77,11 @@ def least_squares_minimum(v: View, effects: Sequence[Effect], wanted: Sequence[P
     scale, alike = np.array([p.sigma for p in wanted]), v.of_scales().noise.weighted
     x0, c, again = values(effects, wanted), np.zeros(0), False
     r, J = v.linearised(effects, wanted)
-    free = visible_directions(remaining_misfit(alike(r), alike(J) * scale), alike(J) * scale)
+    free = _visible_directions(_remaining_misfit(alike(r), alike(J) * scale), alike(J) * scale)
     while True:
-        model, c = minimum_over(v, effects, wanted, x0, free * scale[:, None], np.resize(c, free.shape[1]))
+        model, c = _minimum_over(v, effects, wanted, x0, free * scale[:, None], np.resize(c, free.shape[1]))
         r, J = v.linearised(model, wanted)
-        visible = visible_directions(alike(r), alike(J) * scale)
+        visible = _visible_directions(alike(r), alike(J) * scale)
         if visible.shape[1] == free.shape[1] or (again and visible.shape[1] > free.shape[1]):
             break
         free, c, again = visible, visible.T @ free @ c, True
@@ -92,7 +92,7 @@ def least_squares_minimum(v: View, effects: Sequence[Effect], wanted: Sequence[P
     return Fit(v, model, tuple(wanted), r, J, C * np.outer(scale, scale))
 
 
-def minimum_over(
+def _minimum_over(
     v: View, effects: Sequence[Effect], wanted: Sequence[Parameter], x0: Array, free: Array, c0: Array
 ) -> tuple[tuple[Effect, ...], Array]:
     """The effects at the minimum over x0 + free c, free (p, q) in SI, and c (q,) there; from c0 on."""
@@ -111,14 +111,14 @@ def minimum_over(
     return with_values(effects, wanted, np.clip(x0 + free @ minimum.x[0], low, high), names), minimum.x[0]
 
 
-def remaining_misfit(r: Array, J: Array) -> Array:
+def _remaining_misfit(r: Array, J: Array) -> Array:
     """Return what a linear model with columns J (n, C, p) leaves of the misfit (n, C)."""
     U, S, _ = np.linalg.svd(J.reshape(r.size, -1), full_matrices=False)
     U = U[:, S > 1e-9 * S.max(initial=0.0)]
     return np.asarray(r - (U @ (U.T @ r.ravel())).reshape(r.shape))
 
 
-def visible_directions(r: Array, J: Array) -> Array:
+def _visible_directions(r: Array, J: Array) -> Array:
     """Directions (p, q) in which a prior sigma moves the rows by more than 1 % of what is left."""
     n, y = r.size, r.ravel()
     _, S, Vt = np.linalg.svd(J.reshape(n, -1), full_matrices=False)

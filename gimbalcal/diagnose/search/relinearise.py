@@ -41,11 +41,11 @@ def about_settings(o: Fit) -> Fit:
     if o.view.kind.stabilised or not read_gimbals(o.view) or not setting_is_second_order(o):
         return o
     for _ in range(ROUNDS):
-        o = rows_about_corrections(o, *corrections_of_visits(o))
+        o = _rows_about_corrections(o, *_corrections_of_visits(o))
     return o
 
 
-def corrections_of_visits(o: Fit) -> tuple[Array, Array, float]:
+def _corrections_of_visits(o: Fit) -> tuple[Array, Array, float]:
     """Return corrections of the constants (q,) in prior sigmas and of the readouts (v, k) [rad] of each visit.
 
     The third value is the share of the variance by settings that remains in the rows.
@@ -64,7 +64,7 @@ def corrections_of_visits(o: Fit) -> tuple[Array, Array, float]:
     return x[:q], x[q:].reshape(v, -1) * sigma, float((P[q:, q:] * normal).sum() / np.trace(normal))
 
 
-def rows_about_corrections(o: Fit, x: Array, delta: Array, remaining: float) -> Fit:
+def _rows_about_corrections(o: Fit, x: Array, delta: Array, remaining: float) -> Fit:
     """Return rows about corrected constants and settings (delta (v, k) [rad]), its first order back in the residual."""
     names, scale, local = o.view.stimulus.axis_names, np.array([p.sigma for p in o.parameters]), o.view.local
     effects = with_values(o.effects, o.parameters, values(o.effects, o.parameters) + x * scale, names)

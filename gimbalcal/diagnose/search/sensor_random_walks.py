@@ -39,7 +39,7 @@ def likely_wandering_noises(s: Search) -> tuple[Node, ...]:
     accelerometers are likelier there are none: what they leave keeps its shape.
     """
     walking = s.ln_total >= CLAIM
-    if not walking and (not s.fit.view.kind.stabilised or not all_walk(s)):
+    if not walking and (not s.fit.view.kind.stabilised or not _all_walk(s)):
         return ()
     nodes = single_walks_of_stated_noise(s.fit)
     ln = noise_weights(s, nodes)
@@ -54,7 +54,7 @@ def likely_wandering_noises(s: Search) -> tuple[Node, ...]:
     return tuple(nodes[k] for k in likeliest_walks(ln))
 
 
-def all_walk(s: Search) -> bool:
+def _all_walk(s: Search) -> bool:
     """Return whether noises in which all accelerometers walk are likelier than those in which none does."""
     walk = np.array([
         any(q.N > 0 for q in p.node.noise["specific_force"] if isinstance(q, RandomWalk)) for p in s.projections

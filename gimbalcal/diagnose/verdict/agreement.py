@@ -29,9 +29,8 @@ from gimbalcal.number import Array
 from gimbalcal.words.diagnosis_sentences import constants_disagreement, size_disagreement
 
 MIN_P_VALUE_OF_A_SIZE = 1e-3  # below it a size differs between recordings
-ZERO_EIGENVALUE = (
-    1e-13  # of the largest eigenvalue of a covariance: exact zeros left by a direction without information
-)
+# of the largest eigenvalue of a covariance: exact zeros left by a direction without information
+ZERO_EIGENVALUE = 1e-13
 MAX_NAMED = 3  # constants
 MIN_DIFFERENCE_SIGMAS = 3.0  # sigmas by which a constant that is named differs
 KNOWN_SHARE_OF_PRIOR = 0.5  # of its prior: a constant of less certainty is what the prior said
@@ -106,14 +105,14 @@ def agreement_on_constants(each: Sequence[Information]) -> ConstantsAgreement:
     others = [solve(reduce(add, [i for j, i in enumerate(each) if j != k])) for k in range(len(each))]
     rises = [agreement_test(together, (alone[k], others[k])) for k in range(len(each))]
     odd = int(np.argmax([a.rise / max(a.combinations, 1) for a in rises])) if len(each) > 2 else 1
-    parameters, difference, sigma, rarest = constant_differences(others[odd], alone[odd])
+    parameters, difference, sigma, rarest = _constant_differences(others[odd], alone[odd])
     p = min(1.0, 2 * min(shared.p_value, rarest * (len(each) if len(each) > 2 else 1)))
     return ConstantsAgreement(
         shared.rise, shared.combinations, p, odd if len(each) > 2 else -1, parameters, difference, sigma
     )
 
 
-def constant_differences(before: Solution, after: Solution) -> tuple[tuple[Parameter, ...], Array, Array, float]:
+def _constant_differences(before: Solution, after: Solution) -> tuple[tuple[Parameter, ...], Array, Array, float]:
     """Return the constants that both know and that differ, the clearest first: after minus before, one sigma [SI].
 
     And the p-value of the clearest difference among all that both know.

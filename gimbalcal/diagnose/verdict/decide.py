@@ -54,12 +54,12 @@ def decide(s: Ranking, threshold: float = CLAIM) -> Decision:
     if s.ln_total < max(CLAIM, threshold):
         return Decision("adequate")
     candidates = s.library.candidates
-    rest = likely_shapes(s) if s.unknown > 0.5 else ()
+    rest = _likely_shapes(s) if s.unknown > 0.5 else ()
     named = (h for h in s.hypotheses if not h.unknown(candidates) and (not rest or len(h.members) == 1))
     known = next(named, None)
     if known is None or (rest and known.ln_bayes < MIN_SHARE_WITH_REST * max(h.ln_bayes for h in s.hypotheses)):
         return Decision("unexplained", shapes=rest, unknown=s.unknown)
-    best = simplest_axes(s, without_unclaimed(s, known))
+    best = _simplest_axes(s, without_unclaimed(s, known))
     judgements = tuple(
         judge_member(s, member, others, best_evidence(s, others), bool(rest))
         for member in best.members
@@ -74,7 +74,7 @@ def decide(s: Ranking, threshold: float = CLAIM) -> Decision:
 
 def decide_unnamed(s: Ranking) -> Decision:
     """Return the verdict that no cause of the catalogue explains it, with the shapes that are likeliest."""
-    return Decision("unexplained", shapes=likely_shapes(s), unknown=s.unknown)
+    return Decision("unexplained", shapes=_likely_shapes(s), unknown=s.unknown)
 
 
 def claim_threshold(clean: Array) -> float:
@@ -107,7 +107,7 @@ def _gain_of_other_noise(s: Search, members: Sequence[int]) -> float:
     return max(likelihood) - likelihood[stated]
 
 
-def simplest_axes(s: Ranking, best: Hypothesis) -> Hypothesis:
+def _simplest_axes(s: Ranking, best: Hypothesis) -> Hypothesis:
     """Return one axis instead of all, where the evidence for all is not 20 times larger."""
     c = s.library.candidates
     if len(best.members) != 1 or "," not in c[best.members[0]].axis:
@@ -117,7 +117,7 @@ def simplest_axes(s: Ranking, best: Hypothesis) -> Hypothesis:
     return min(few, key=lambda h: (len(c[h.members[0]].parameters), -h.ln_bayes))
 
 
-def likely_shapes(s: Ranking) -> tuple[int, ...]:
+def _likely_shapes(s: Ranking) -> tuple[int, ...]:
     """Return the shapes by probability."""
     total: dict[int, float] = {}
     for h, w in zip(s.hypotheses, s.posterior(), strict=True):

@@ -52,14 +52,14 @@ def confirm_causes(c: SearchResult, progress: Progress) -> tuple[SearchResult, l
     if c.start.exact:
         return c, []
     if not c.steps and not c.shapes:
-        c = search_with_replacement(c, (), refused, progress)
+        c = _search_with_replacement(c, (), refused, progress)
     while True:
         if series := cancelling_causes(c):
             progress(
                 f"{', '.join(cause.label for cause, _ in series)}: larger than the whole misfit, as terms of a series"
             )
             refused |= {cause.key for cause, _ in series}
-            c = search_with_replacement(c, [cause for cause in c.causes if cause not in series], refused, progress)
+            c = _search_with_replacement(c, [cause for cause in c.causes if cause not in series], refused, progress)
             continue
         progress("comparing each cause with what else could stand in its place")
         try:
@@ -80,7 +80,7 @@ def confirm_causes(c: SearchResult, progress: Progress) -> tuple[SearchResult, l
         progress(f"{refusal.in_words} is not named: {why}")
         refused.add(refusal.key)
         kept = [cause for cause in c.causes if cause[0] is not refusal]
-        c = search_with_replacement(c, kept, refused, progress)
+        c = _search_with_replacement(c, kept, refused, progress)
 
 
 def worsening_cause(c: SearchResult, verdicts: Sequence[Judgement]) -> Candidate | None:
@@ -105,7 +105,7 @@ def worsening_cause(c: SearchResult, verdicts: Sequence[Judgement]) -> Candidate
     return None
 
 
-def search_with_replacement(
+def _search_with_replacement(
     c: SearchResult, kept: Sequence[SelectedCause], refused: set[Key], progress: Progress
 ) -> SearchResult:
     """Return the search with these causes and what is likeliest with them, unless that has been refused."""
@@ -169,8 +169,8 @@ def finding_of_view(m: Fit, j: Judgement) -> Finding:
         replace(Estimate.of(p, x, max(s, j.spread)), name=p.field, axis="")
         for p, x, s in constants_with_sigma(m, e)  # whole numbers, which no fit moves
     ]
-    axis = j.cause.axis if m.view.added is None else sensor_element(j.cause.axis, rows)
-    return finding_entry(j, axis, j.significance or 0.0, rows, advice_of_cards(j))
+    axis = j.cause.axis if m.view.added is None else _sensor_element(j.cause.axis, rows)
+    return _finding_entry(j, axis, j.significance or 0.0, rows, _advice_of_cards(j))
 
 
 def findings_of_recordings(c: Ranking, d: Decision, joint: JointFit) -> tuple[Finding, ...]:
@@ -183,16 +183,16 @@ def findings_of_recordings(c: Ranking, d: Decision, joint: JointFit) -> tuple[Fi
         rows = _estimates(j.cause.parameters, *joint.size(ordinal))
         rows += [replace(Estimate.of(p, x, s), name=p.field, axis="") for p, x, s in joint.chosen_constants(ordinal)]
         significance = float(np.sqrt(sum(p.significance(ordinal) ** 2 for p in joint.parts)))
-        named = finding_entry(j, _axes_of(j), significance, rows, separating_experiment(c, d, joint, ordinal))
+        named = _finding_entry(j, _axes_of(j), significance, rows, _separating_experiment(c, d, joint, ordinal))
         if len(joint.parts) > 1:
             a, words = joint.agreement_on(ordinal), cause_in_words(named.effect, named.axis)
             agree = SizeAgreement(round(a.rise, 3), a.combinations, a.p_value, disagreement_sentence(a, words))
-            named = replace(named, recordings=sizes_by_recording(joint, ordinal), agreement=agree)
+            named = replace(named, recordings=_sizes_by_recording(joint, ordinal), agreement=agree)
         out.append(named)
     return tuple(out)
 
 
-def sizes_by_recording(joint: JointFit, ordinal: int) -> tuple[RecordingSize, ...]:
+def _sizes_by_recording(joint: JointFit, ordinal: int) -> tuple[RecordingSize, ...]:
     """Return the size that each recording gives a cause."""
     out = []
     wanted = joint.causes[ordinal].parameters
@@ -203,7 +203,7 @@ def sizes_by_recording(joint: JointFit, ordinal: int) -> tuple[RecordingSize, ..
     return tuple(out)
 
 
-def separating_experiment(c: Ranking, d: Decision, joint: JointFit, ordinal: int) -> str:
+def _separating_experiment(c: Ranking, d: Decision, joint: JointFit, ordinal: int) -> str:
     """Return what would separate a cause from the one most like it, in the recording that shows it best."""
     for fits in d.judgements[ordinal].alike[:1]:
         alike = next(i for i, one in enumerate(c.library.candidates) if one is fits)
@@ -221,7 +221,7 @@ def separating_experiment(c: Ranking, d: Decision, joint: JointFit, ordinal: int
     return ""
 
 
-def finding_entry(j: Judgement, axis: str, significance: float, estimates: Sequence[Estimate], advice: str) -> Finding:
+def _finding_entry(j: Judgement, axis: str, significance: float, estimates: Sequence[Estimate], advice: str) -> Finding:
     """Return the finding of a claimed cause on an axis: sizes, what fits alike, and how to separate them."""
     probability = reported_probability(j.probability)
     return Finding(j.cause.effect, axis, probability, round(significance, 2), tuple(estimates), j.confounded, advice)
@@ -233,14 +233,14 @@ def _axes_of(j: Judgement) -> str:
     return " / ".join(a for n, a in enumerate(axes) if not any(a in b for b in axes[:n]))
 
 
-def sensor_element(axis: str, rows: Sequence[Estimate]) -> str:
+def _sensor_element(axis: str, rows: Sequence[Estimate]) -> str:
     """Sensor and partner, "xz", where of a sensor's several parameters one alone differs from zero."""
     shown = [str(r.axis) for r in rows if abs(r.value) > SHOWN * r.sigma]
     vague = any(HIDDEN * r.sigma < abs(r.value) <= SHOWN * r.sigma for r in rows)
     return shown[0] if len(shown) == 1 and not vague and len(axis) == 1 and shown[0].startswith(axis) else axis
 
 
-def advice_of_cards(j: Judgement) -> str:
+def _advice_of_cards(j: Judgement) -> str:
     """Return what would show the one and not the other, by the cards of the effects."""
     if not j.confounded:
         return ""

@@ -61,9 +61,8 @@ CONVERGED_SIGMAS = 1e-3  # of a sigma
 ROUNDING = 1e-9  # of a constant that was chosen among values, below which its sigma is rounding
 MIN_CHI2_DIFFERENCE = 9.0  # by which causes with constants of their own fit better than one effect can
 UNREADABLE_MISFIT = 1e100  # misfit of constants with which no force could have been read
-WIDE_SIGMAS = (
-    30.0  # sigmas that the prior of a cause spans at least: what rows know less well than a prior is held at zero
-)
+# sigmas that the prior of a cause spans at least: what rows know less well than a prior is held at zero
+WIDE_SIGMAS = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,20 +160,20 @@ class RecordingPart:
 def parts_of(c: Ranking, members: Sequence[int]) -> tuple[RecordingPart, ...]:
     """Return each recording with the causes that it shows, fitted to it, and their constants common to all."""
     own = [fit_causes(s, c.within(members, k)) for k, s in enumerate(c.searches)]
-    common = [common_constants(c, members, j, own) for j in range(len(members))]
+    common = [_common_constants(c, members, j, own) for j in range(len(members))]
     out = []
     for k in range(len(c.searches)):
-        ordinals = ordinals_in_recording(c, members, k)
+        ordinals = _ordinals_in_recording(c, members, k)
         shared = (common[j] or chosen.constants for j, (_, chosen) in zip(ordinals, own[k].causes, strict=True))
         out.append(RecordingPart(own[k], ordinals, tuple(shared)))
     return tuple(out)
 
 
-def ordinals_in_recording(c: Ranking, members: Sequence[int], recording: int) -> tuple[int, ...]:
+def _ordinals_in_recording(c: Ranking, members: Sequence[int], recording: int) -> tuple[int, ...]:
     return tuple(j for j, m in enumerate(members) if recording in c.sees(m))
 
 
-def common_constants(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCauses]) -> Constants:
+def _common_constants(c: Ranking, members: Sequence[int], j: int, own: Sequence[FittedCauses]) -> Constants:
     """The constants of member j, of all that any recording tried, at which all fit best; none where one recording is.
 
     What follows its size by secants has none.
@@ -186,7 +185,7 @@ def common_constants(c: Ranking, members: Sequence[int], j: int, own: Sequence[F
     tried = list(dict.fromkeys(v.constants for one in candidates.values() for v in one.variants))
     total = np.zeros(len(tried))
     for k, one in candidates.items():
-        s, n = c.searches[k], ordinals_in_recording(c, members, k).index(j)
+        s, n = c.searches[k], _ordinals_in_recording(c, members, k).index(j)
         rest = own[k].columns_of_others(n)
         columns = [columns_at(s.fit, one, at) for at in tried]
         X = np.concatenate([s.library.X[:, rest], *columns], axis=1)
@@ -312,7 +311,9 @@ class JointFit:
     def between(self) -> ConstantsAgreement | None:
         """The agreement of several recordings on the constants of the unit; None for one."""
         return (
-            agreement_on_constants(shared_information(self.parts, self.each, self.wide)) if len(self.each) > 1 else None
+            agreement_on_constants(_shared_information(self.parts, self.each, self.wide))
+            if len(self.each) > 1
+            else None
         )
 
     def calibration(self, known: Calibration | None) -> Calibration:
@@ -368,12 +369,12 @@ def joint_fit(parts: Sequence[RecordingPart], causes: Sequence[Candidate]) -> Jo
 
     Each recording is linearised about its own least squares.
     """
-    wide = wide_priors(parts)
+    wide = _wide_priors(parts)
     alone = [_least_squares(part, wide) for part in parts]
     each, solution = tuple(one.information for one in alone), alone[0].solution
     if len(parts) > 1:
         solution = _with_sizes(
-            solve(reduce(add, shared_information(parts, each, wide))), pool_causes(parts, each, wide)
+            solve(reduce(add, _shared_information(parts, each, wide))), _pool_causes(parts, each, wide)
         )
     narrow, names = {w: p for p, w in wide.items()}, parts[0].search.fit.view.stimulus.axis_names
     solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
@@ -430,7 +431,7 @@ def _least_squares(part: RecordingPart, wide: Mapping[Parameter, Parameter]) -> 
     return _LeastSquares(solution, with_values(model, wanted, solution.x, s.axis_names), info, bool(steps))
 
 
-def pool_causes(
+def _pool_causes(
     parts: Sequence[RecordingPart], each: Sequence[Information], wide: Mapping[Parameter, Parameter]
 ) -> Solution:
     """Return the causes by all recordings, the constants of the model free in each.
@@ -454,7 +455,7 @@ def _smooth_constants(each: Sequence[Information]) -> dict[Parameter, float]:
     return dict(zip(solution.parameters, map(float, solution.x), strict=True))
 
 
-def shared_information(
+def _shared_information(
     parts: Sequence[RecordingPart], each: Sequence[Information], wide: Mapping[Parameter, Parameter]
 ) -> list[Information]:
     """Return the information of each of several recordings about what holds in the others as well."""
@@ -472,7 +473,7 @@ def _with_sizes(s: Solution, causes: Solution) -> Solution:
     return replace(s, x=s.x + K @ (causes.x - s.x[c]), covariance=(covariance + covariance.T) / 2)
 
 
-def wide_priors(parts: Sequence[RecordingPart]) -> dict[Parameter, Parameter]:
+def _wide_priors(parts: Sequence[RecordingPart]) -> dict[Parameter, Parameter]:
     """Return the parameters of causes with the priors of this fit: wide about zero, of constants about their start."""
     out: dict[Parameter, Parameter] = {}
     for part in parts:

@@ -77,13 +77,13 @@ def judge_member(s: Ranking, member: int, others: Sequence[int], scores: Array, 
     """
     p, candidates = s.posterior(), s.library.candidates
     alike = fits_alike(s, member, others, scores)
-    if not with_rest and probability_of_any(s, p, (member, *alike)) < SURE_PROBABILITY:
-        alike = widen_alternatives(s, p, member, alike, others)
-    probability = probability_of_any(s, p, (member, *alike), with_rest)
+    if not with_rest and _probability_of_any(s, p, (member, *alike)) < SURE_PROBABILITY:
+        alike = _widen_alternatives(s, p, member, alike, others)
+    probability = _probability_of_any(s, p, (member, *alike), with_rest)
     return Judgement(candidates[member], probability, tuple(candidates[i] for i in alike))
 
 
-def probability_of_any(s: Ranking, p: Array, alike: Sequence[int], with_rest: bool = False) -> float:
+def _probability_of_any(s: Ranking, p: Array, alike: Sequence[int], with_rest: bool = False) -> float:
     """Return the probability of all hypotheses that contain one of these causes: without a shape, or with one.
 
     A law that leaves a residual may be another law much like it, so with a residual no cause is sure.
@@ -108,10 +108,10 @@ def fits_alike(s: Ranking, member: int, beside: Sequence[int], scores: Array) ->
         for i in np.argsort(-scores)
         if scores[i] > scores[member] - SEPARATION_EVIDENCE and not candidates[i].rival and i not in beside
     ]
-    return distinct_candidates(candidates, member, alike)
+    return _distinct_candidates(candidates, member, alike)
 
 
-def distinct_candidates(candidates: Sequence[Candidate], member: int, alike: Sequence[int]) -> tuple[int, ...]:
+def _distinct_candidates(candidates: Sequence[Candidate], member: int, alike: Sequence[int]) -> tuple[int, ...]:
     """Return one candidate per id, other than the member's own."""
     out: dict[str, int] = {}
     for i in alike:
@@ -120,7 +120,7 @@ def distinct_candidates(candidates: Sequence[Candidate], member: int, alike: Seq
     return tuple(out.values())
 
 
-def widen_alternatives(
+def _widen_alternatives(
     s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: Sequence[int]
 ) -> tuple[int, ...]:
     """Add the next likely causes until the set is sure or has three."""
@@ -131,10 +131,10 @@ def widen_alternatives(
         extra = [i for i in h.members if i not in beside]
         if len(h.members) != len(beside) + 1 or h.unknown(candidates) or len(extra) != 1:
             continue
-        if len(alike) >= MAX_ALTERNATIVES - 1 or probability_of_any(s, p, (member, *alike)) >= SURE_PROBABILITY:
+        if len(alike) >= MAX_ALTERNATIVES - 1 or _probability_of_any(s, p, (member, *alike)) >= SURE_PROBABILITY:
             break
-        alike = (*alike, *distinct_candidates(candidates, member, [i for i in extra if i not in alike]))
-        alike = distinct_candidates(candidates, member, alike)
+        alike = (*alike, *_distinct_candidates(candidates, member, [i for i in extra if i not in alike]))
+        alike = _distinct_candidates(candidates, member, alike)
     return alike
 
 

@@ -32,9 +32,8 @@ DRAWS = 400
 CLEAN_PROBABILITY = 1e-4  # probability that a clean recording looks as bad: what leaves less does not explain the data
 MAX_CELLS = 6  # cells that are listed, strongest first
 WEAK_RATIO = 0.25  # of the strongest statistic: weaker cells see the same mismatch from further away
-MIN_SQUARE_LEFT = (
-    1e-8  # of a column's square that the calibration leaves of it: less is rounding of what the model holds
-)
+# of a column's square that the calibration leaves of it: less is rounding of what the model holds
+MIN_SQUARE_LEFT = 1e-8
 RANK = 1e-8  # of a cell's largest eigenvalue: less is a direction that it does not have
 MAX_PATTERN_P = 1e-3  # p-value below which a pattern of the misfit is listed
 MAX_PATTERNS = 3  # that are listed, strongest first
@@ -74,16 +73,16 @@ def scan_data(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, e
     data -= fitted @ (fitted.T @ data)
     cells: list[Cell] = []
     scores, ranks = [np.zeros((0, 1 + DRAWS))], [np.zeros(0)]
-    for batch, X in scan_cells(o):
-        score, rank = cell_scores(cleared_columns(node.whiten(X), fitted), data, len(batch))
+    for batch, X in _scan_cells(o):
+        score, rank = _cell_scores(_cleared_columns(node.whiten(X), fitted), data, len(batch))
         cells += batch
         scores.append(score)
         ranks.append(rank)
     all_scores, dof = np.concatenate(scores), np.concatenate(ranks)
     statistic = all_scores[:, 0]
-    tails = tail_probability(statistic, dof)
+    tails = _tail_probability(statistic, dof)
     # of all cells of so many degrees of freedom, the largest statistic has the least tail
-    least = np.min([tail_probability(all_scores[dof == k, 1:].max(axis=0), k) for k in np.unique(dof)], axis=0)
+    least = np.min([_tail_probability(all_scores[dof == k, 1:].max(axis=0), k) for k in np.unique(dof)], axis=0)
     family = (1 + (least[None, :] <= tails[:, None]).sum(axis=1)) / (1 + DRAWS)
     # beyond the draws: Sidak's bound over as many independent cells as the simulated minimum behaves like
     effective = max(1.0, float(np.log(0.5) / np.log1p(-np.clip(np.median(least), 1e-12, 0.5))))
@@ -96,7 +95,7 @@ def _with_explained(Q: Array, X: Array) -> Array:
     return np.concatenate([Q, orthonormal((X - Q @ (Q.T @ X)) / np.abs(X).max())], axis=1)
 
 
-def cleared_columns(X: Array, fitted: Array) -> Array:
+def _cleared_columns(X: Array, fitted: Array) -> Array:
     """Whitened X (R, p) cleared of orthonormal columns, and zero where nothing but rounding is left."""
     size = (X**2).sum(axis=0)
     for _ in range(2):  # once more for what rounding left
@@ -104,13 +103,13 @@ def cleared_columns(X: Array, fitted: Array) -> Array:
     return np.asarray(X * ((X**2).sum(axis=0) > MIN_SQUARE_LEFT * size))
 
 
-def tail_probability(statistic: Array, dof: Array | float) -> Array:
+def _tail_probability(statistic: Array, dof: Array | float) -> Array:
     from scipy.special import gammaincc
 
     return np.asarray(np.where(dof > 0, gammaincc(np.maximum(dof, 1) / 2, statistic / 2), 1.0))
 
 
-def cell_scores(X: Array, data: Array, cells: int) -> tuple[Array, Array]:
+def _cell_scores(X: Array, data: Array, cells: int) -> tuple[Array, Array]:
     """Misfit (cells, m) of white data (R, m) that each cell's columns, equal parts of X (R, p), take away; ranks."""
     X = X.reshape(len(X), cells, -1)
     G = np.einsum("rci,rcj->cij", X, X)
@@ -120,11 +119,11 @@ def cell_scores(X: Array, data: Array, cells: int) -> tuple[Array, Array]:
     return np.asarray((b * (np.linalg.pinv(G, rcond=RANK, hermitian=True) @ b)).sum(axis=1)), rank
 
 
-def scan_cells(o: Fit) -> Iterator[tuple[list[Cell], Array]]:
+def _scan_cells(o: Fit) -> Iterator[tuple[list[Cell], Array]]:
     """Cells, and in equal parts their reduced columns (R, p): a few at a time, as of positions there may be many."""
     cells: list[Cell] = []
     columns: list[Array] = []
-    for where, words, pattern in scan_patterns(o):
+    for where, words, pattern in _scan_patterns(o):
         w = pattern.shape[1]
         if columns and (w != columns[0].shape[1] // len(o.view.channels) or w * len(cells) >= CHUNK):
             yield cells, np.concatenate(columns, axis=1)
@@ -137,7 +136,7 @@ def scan_cells(o: Fit) -> Iterator[tuple[list[Cell], Array]]:
     yield cells, np.concatenate(columns, axis=1)
 
 
-def scan_patterns(o: Fit) -> Iterator[tuple[Json, str, Array]]:
+def _scan_patterns(o: Fit) -> Iterator[tuple[Json, str, Array]]:
     """Functions (n, m) of row to be scanned in every channel."""
     s = o.view.stimulus
     t = s.time / s.time[-1]
@@ -155,7 +154,7 @@ def scan_patterns(o: Fit) -> Iterator[tuple[Json, str, Array]]:
         for n in (1, 2, 3):
             basis = np.stack([np.cos(n * phase), np.sin(n * phase)], axis=-1)
             yield {"harmonic": n}, f"at the {_ordinal(n)} harmonic of the sidereal turn", basis
-        yield from strongest_periods(o)
+        yield from _strongest_periods(o)
     yield {"time": "trend"}, "as a trend in time", _column(t)
     yield {"time": "slow"}, "slowly in time", np.cos(np.pi * np.outer(t, np.arange(1, 6)))
     if s.temperature is not None:
@@ -164,7 +163,7 @@ def scan_patterns(o: Fit) -> Iterator[tuple[Json, str, Array]]:
         yield {"covariate": name}, f"with {name}", _column(x - x.mean())
 
 
-def strongest_periods(o: Fit) -> list[tuple[Json, str, Array]]:
+def _strongest_periods(o: Fit) -> list[tuple[Json, str, Array]]:
     """The strongest periods of a static run between two rows and a quarter of the run."""
     s = o.view.stimulus
     n = len(s.time)
@@ -199,10 +198,10 @@ def scanned_mismatches(s: Scan, at_least: int = 0) -> tuple[Mismatch, ...]:
         own = cells.setdefault((c.channel, c.axis, "positions" if "positions" in c.where else c.words), [])
         if not own or "positions" in c.where:
             own.append(i)
-    return tuple(mismatch_entry(s, own) for own in list(cells.values())[:MAX_CELLS])
+    return tuple(_mismatch_entry(s, own) for own in list(cells.values())[:MAX_CELLS])
 
 
-def mismatch_entry(s: Scan, own: Sequence[int]) -> Mismatch:
+def _mismatch_entry(s: Scan, own: Sequence[int]) -> Mismatch:
     """One entry: a cell, or several positions of one channel with the statistic of the strongest."""
     first, p_value = s.cells[own[0]], float(s.p_values[own[0]])
     where, words = dict(first.where), first.words
@@ -238,7 +237,7 @@ def misfit_patterns(m: Fit) -> tuple[Mismatch, ...]:
         p = min(1.0, float(fdtrc(len(at), free, F)) * len(shapes))
         out.append((ln, F, p, c))
     listed = sorted((t for t in out if t[2] < MAX_PATTERN_P), key=lambda t: -t[0])[:MAX_PATTERNS]
-    return tuple(pattern_entry(m, c, F, p) for _, F, p, c in listed)
+    return tuple(_pattern_entry(m, c, F, p) for _, F, p, c in listed)
 
 
 def _ln_of_any_size(p: Projection, index: Sequence[int]) -> float:
@@ -246,17 +245,17 @@ def _ln_of_any_size(p: Projection, index: Sequence[int]) -> float:
     return p.log_evidence() + float(log_bayes(p, np.array(index), p.scale.any_size).max())
 
 
-def pattern_entry(m: Fit, c: Candidate, F: float, p: float) -> Mismatch:
+def _pattern_entry(m: Fit, c: Candidate, F: float, p: float) -> Mismatch:
     v = m.view
     if v.added is not None:  # in a sensor, and the rows are what a navigator makes of it
         size = float(from_si(float(np.sqrt(np.mean(m.residual**2))), v.unit))
         rows = np.argsort(-np.abs(v.noise.weighted(m.residual)).max(axis=1))[:3]
         words = diagnosis_sentences.follows_sensor(v, c.channel, c.axis, size, c.rival)
-        return Mismatch(c.channel, c.axis, place_of_rows(v, rows), round(F, 2), p, words)
+        return Mismatch(c.channel, c.axis, _place_of_rows(v, rows), round(F, 2), p, words)
     i, size = _channel(m, c.axis)
     rows = np.argsort(-np.abs(m.residual[:, i]))[:3]
     words = diagnosis_sentences.pattern_sentence(v, c.axis, size, c.rival)
-    return Mismatch(v.channels[0][0], c.axis, place_of_rows(v, rows), round(F, 2), p, words)
+    return Mismatch(v.channels[0][0], c.axis, _place_of_rows(v, rows), round(F, 2), p, words)
 
 
 def largest_misfit(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
@@ -268,7 +267,7 @@ def largest_misfit(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
     ratio = float(square[i])
     p = min(1.0, probability(ratio * len(m.residual), len(m.residual)) * len(v.channels))
     words = diagnosis_sentences.largest_misfit_sentence(v, axis, size, float(np.sqrt(ratio)), rows)
-    return (Mismatch(v.channels[0][0], axis, place_of_rows(v, rows), round(ratio, 2), p, words),)
+    return (Mismatch(v.channels[0][0], axis, _place_of_rows(v, rows), round(ratio, 2), p, words),)
 
 
 def _channel(m: Fit, axis: str) -> tuple[int, float]:
@@ -276,7 +275,7 @@ def _channel(m: Fit, axis: str) -> tuple[int, float]:
     return i, float(from_si(float(np.sqrt(np.mean(m.residual[:, i] ** 2))), m.view.unit))
 
 
-def place_of_rows(v: View, rows: Array) -> dict[str, list[float]]:
+def _place_of_rows(v: View, rows: Array) -> dict[str, list[float]]:
     if v.label is None:
         return {"time_s": [round(float(x), 3) for x in np.sort(v.time[rows])]}
     return {"positions": [int(k) for k in v.label[rows]]}

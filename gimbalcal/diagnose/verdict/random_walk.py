@@ -126,7 +126,7 @@ def _walk_in(s: Search) -> RandomWalkFinding | None:
     total = float(logsumexp(s.null[single]) - logsumexp(s.null[~single]))
     weight = np.exp(s.null - s.null[single].max()) * single
     nodes = [p.node for p in s.projections]
-    return likeliest_walk(nodes, weight, accelerometer_units(s), "specific_force", total, total)
+    return likeliest_walk(nodes, weight, _accelerometer_units(s), "specific_force", total, total)
 
 
 def without_single_walks(s: Ranking) -> Ranking:
@@ -181,7 +181,7 @@ def likeliest_walk(
     return RandomWalkFinding(axis, walk, spread * walk, ln_odds, ln_total, quantity)
 
 
-def accelerometer_units(s: Search) -> dict[str, Array]:
+def _accelerometer_units(s: Search) -> dict[str, Array]:
     """One sigma of a row of each accelerometer, which is the unit of every noise of the search."""
     sigma = np.broadcast_to(s.fit.sigma, s.fit.residual.shape)[0]
     own = {axis: k for k, (quantity, axis) in enumerate(s.fit.view.channels) if quantity == "specific_force"}

@@ -29,9 +29,8 @@ from gimbalcal.units import from_si
 
 DRAWS = 200  # clean recordings: the 99 % point rests on two of them, and CLAIM is above it but for odd designs
 VISIBLE_SIGMAS = 8.0  # sigmas
-MIN_SIGNAL_SIGMAS = (
-    0.08  # sigmas at the usual size; a hundred times that would not show: the calibration takes all of it
-)
+# sigmas at the usual size; a hundred times that would not show: the calibration takes all of it
+MIN_SIGNAL_SIGMAS = 0.08
 MIN_NOISE_WEIGHT = 1e-4  # weight of a noise below which it is left out
 
 
@@ -54,18 +53,18 @@ def clean_singles(s: Search, rng: np.random.Generator) -> Array:
     """ln Bayes factors (candidates, DRAWS) of each candidate on simulated clean recordings, noise integrated over."""
     weights = np.exp(s.null - logsumexp(s.null))
     kept = [k for k in np.argsort(-weights) if weights[k] > MIN_NOISE_WEIGHT]
-    low, tail = draw_clean(s.rows, [s.projections[k] for k in kept], weights[kept], rng)
+    low, tail = _draw_clean(s.rows, [s.projections[k] for k in kept], weights[kept], rng)
     empty, full = [], []
     for k in kept:
         p = s.projections[k]
-        b, misfit = draw_scores(s.rows, p, low, tail)
+        b, misfit = _draw_scores(s.rows, p, low, tail)
         ln = np.log(p.node.prior) - 0.5 * (misfit + p.penalty)
         empty.append(ln)
-        full.append(ln + evidence_of_each(p.G, b, s.library.layout))
+        full.append(ln + _evidence_of_each(p.G, b, s.library.layout))
     return logsumexp(np.array(full), axis=0) - logsumexp(np.array(empty), axis=0)
 
 
-def draw_clean(
+def _draw_clean(
     rows: ReducedRows, projections: Sequence[Projection], weights: Array, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Clean coloured rows (R', DRAWS) and the products (q + P, DRAWS) of white rows with the columns."""
@@ -84,7 +83,7 @@ def draw_clean(
     return low, V @ (np.sqrt(np.maximum(lam, 0.0))[:, None] * white)
 
 
-def draw_scores(rows: ReducedRows, p: Projection, low: Array, tail: Array) -> tuple[Array, Array]:
+def _draw_scores(rows: ReducedRows, p: Projection, low: Array, tail: Array) -> tuple[Array, Array]:
     """Scores (P, draws) and misfits (draws,) up to a constant, the calibration profiled out."""
     q, P = rows.q, rows.P
     W = p.node.whiten(rows.low)[:, : q + P]
@@ -97,7 +96,7 @@ def draw_scores(rows: ReducedRows, p: Projection, low: Array, tail: Array) -> tu
     return v[q:] - K.T @ z, (y**2).sum(axis=0) - (z**2).sum(axis=0)
 
 
-def evidence_of_each(G: Gram, b: Array, layout: Layout) -> Array:
+def _evidence_of_each(G: Gram, b: Array, layout: Layout) -> Array:
     """ln Bayes factor (candidates, draws) of every single candidate, sizes and variants mixed, in one noise."""
     ln = np.full((len(layout.log_share), b.shape[1]), -np.inf)
     for members, index in layout.widths:

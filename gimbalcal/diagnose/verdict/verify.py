@@ -33,7 +33,7 @@ def verify(f: FittedCauses, physical: Array, scan_p_before: float = 1.0, scan_p_
 
     scan_p_before, scan_p_after: p-values of the scans for a mismatch.
     """
-    Z, X, y, fold, by = whitened_model(f, physical)
+    Z, X, y, fold, by = _whitened_model(f, physical)
     C = f.search.fit.residual.shape[1]
     A = np.concatenate([Z, X], axis=1)
     (residual, q, out), (rest, qx, out_with) = ((*_residual(B, y), held_out(B, y, fold)) for B in (Z, A))
@@ -55,7 +55,7 @@ def verify(f: FittedCauses, physical: Array, scan_p_before: float = 1.0, scan_p_
     )
 
 
-def whitened_model(f: FittedCauses, physical: Array) -> tuple[Array, Array, Array, Array, str]:
+def _whitened_model(f: FittedCauses, physical: Array) -> tuple[Array, Array, Array, Array, str]:
     """Whitened Z, X, y and the fold of each row: in visits of the reduced rows, or in stretches of the raw ones."""
     o = f.search.fit
     C = o.residual.shape[1]
@@ -100,10 +100,10 @@ def _residual(A: Array, y: Array) -> tuple[Array, int]:
 def residual_rows(o: Fit, added: Array) -> tuple[Array, Array]:
     """Residuals (n, C) in sigma without and with what was `added` (n, C), the calibration refitted each time."""
     Z = o.view.noise.weighted(o.Z).reshape(o.residual.size, -1)
-    return without_fitted_calibration(o, Z, o.residual), without_fitted_calibration(o, Z, o.residual - added)
+    return _without_fitted_calibration(o, Z, o.residual), _without_fitted_calibration(o, Z, o.residual - added)
 
 
-def without_fitted_calibration(o: Fit, Z: Array, y: Array) -> Array:
+def _without_fitted_calibration(o: Fit, Z: Array, y: Array) -> Array:
     """y (n, C) less its calibration, which has the weighted columns Z (n C, q)."""
     residual, _ = _residual(Z, o.view.noise.weighted(y[:, :, None]).ravel())
     return (
@@ -150,8 +150,8 @@ def view_fit(c: SearchResult, sigma: Array) -> ViewFit:
             missed = [float(from_si(v.missed_by_turns(e), "arcsec")) for e in ((), after.effects)]
             turns = RmsMisfit(missed[0], missed[1], "arcsec")
     return ViewFit(
-        chi2_reduced_before=reduced_chi2(before, sigma),
-        chi2_reduced_after=reduced_chi2(after, sigma),
+        chi2_reduced_before=_reduced_chi2(before, sigma),
+        chi2_reduced_after=_reduced_chi2(after, sigma),
         heldout_before=held_before,
         heldout_after=held_after,
         heldout_rms_before=held_rms_before,
@@ -182,7 +182,7 @@ def _against_samples(m: Fit) -> dict[str, float] | None:
     return dict(zip([a for _, a in v.channels], chi2.tolist(), strict=True))
 
 
-def reduced_chi2(m: Fit, sigma: Array) -> float:
+def _reduced_chi2(m: Fit, sigma: Array) -> float:
     rank = _basis(m, sigma).shape[1]
     return float(((m.residual / sigma) ** 2).sum() / max(m.residual.size - rank, 1))
 

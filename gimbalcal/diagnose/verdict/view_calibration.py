@@ -40,7 +40,7 @@ def calibrated_views(
     forces: the calibration of the accelerometers at known attitude.
     """
     readout = _readout(views, fits)
-    blocks = [_model(group, readout.gimbals) for group in groups_that_share(fits)]
+    blocks = [_model(group, readout.gimbals) for group in _groups_that_share(fits)]
     if forces is not None:
         blocks.insert(0, (forces.effects, forces.parameters, forces.covariance))
     effects: tuple[Effect, ...] = ()
@@ -59,7 +59,7 @@ def calibrated_views(
         effects=tuple(e for e in effects if e.id in {p.effect for p in wanted}),
         parameters=wanted,
         covariance=P,
-        unobservable=(*(forces.unobservable if forces else ()), *unseen_parameters(fits)),
+        unobservable=(*(forces.unobservable if forces else ()), *_unseen_parameters(fits)),
         residual=_residual(fits, forces),
         outcome=outcome,
         provenance=provenance_of_fit(views, causes),
@@ -67,7 +67,7 @@ def calibrated_views(
     )
 
 
-def groups_that_share(fits: Sequence[Fit]) -> list[list[Fit]]:
+def _groups_that_share(fits: Sequence[Fit]) -> list[list[Fit]]:
     """Return the models in groups that share linear parameters."""
     out: list[list[Fit]] = []
     for m in fits:
@@ -96,7 +96,7 @@ def _model(group: Sequence[Fit], gimbals: Sequence[str]) -> Block:
     return effects, (*wanted, *chosen), block_diagonal([covariance, np.zeros((len(chosen), len(chosen)))])
 
 
-def unseen_parameters(fits: Sequence[Fit]) -> list[Unobservable]:
+def _unseen_parameters(fits: Sequence[Fit]) -> list[Unobservable]:
     """Parameters of which these rows say nothing: they keep their prior; and what turns a triad as a whole."""
     out: list[Unobservable] = []
     for s in fits:

@@ -85,7 +85,7 @@ def closed_form(view: View, absent: Sequence[Effect], wanted: tuple[Parameter, .
         before, x = x, x.copy()
         axes, faces, faceless = _faces(view, wanted, linear, before)
         for i, (estimates, _) in enumerate(axes):
-            x[index_of_parameter(wanted, "scale_factor", i)], x[index_of_parameter(wanted, "bias", i)] = estimates
+            x[_index_of_parameter(wanted, "scale_factor", i)], x[_index_of_parameter(wanted, "bias", i)] = estimates
         tilts = np.array([i for i, q in enumerate(wanted) if q.effect in ("misalignment", "gimbal_zero")])
         columns = tilts if axes else np.arange(len(x))
         rows = ~faces if axes and not faces.all() else np.ones_like(faces)
@@ -118,7 +118,7 @@ def _faces(view: View, wanted: Sequence[Parameter], linear: VisitRows, x: Array)
     measured = force_of_visits(view)
     h = measured - (linear.r - linear.J @ x)
     scale, bias = (
-        np.array([x[index_of_parameter(wanted, name, i)] for i in range(3)]) for name in ("scale_factor", "bias")
+        np.array([x[_index_of_parameter(wanted, name, i)] for i in range(3)]) for name in ("scale_factor", "bias")
     )
     u = (1 + scale) * (h - bias)
     vertical = np.abs(u) > MIN_FACE_COSINE * view.stimulus.gravity
@@ -144,7 +144,7 @@ def _covariance(
     m, P = len(w.W), len(wanted)
     A = np.zeros((P, m, 3))
     for i, (_, derivative) in enumerate(axes):
-        A[[index_of_parameter(wanted, "scale_factor", i), index_of_parameter(wanted, "bias", i)], :, i] = derivative
+        A[[_index_of_parameter(wanted, "scale_factor", i), _index_of_parameter(wanted, "bias", i)], :, i] = derivative
     scale = np.array([wanted[i].sigma for i in columns])
     U, S, Vt = np.linalg.svd((w.J[rows][..., columns] * scale).reshape(-1, scale.size), full_matrices=False)
     keep = S >= MIN_SIGNAL_TO_NOISE
@@ -159,7 +159,7 @@ def _covariance(
     return np.asarray(spread @ spread.T + bent @ bent.T + unobservable)
 
 
-def index_of_parameter(wanted: Sequence[Parameter], effect: str, index: int) -> int:
+def _index_of_parameter(wanted: Sequence[Parameter], effect: str, index: int) -> int:
     return next(i for i, q in enumerate(wanted) if q.effect == effect and q.index == index)
 
 

@@ -150,7 +150,7 @@ def rotations_of_the_triad() -> list[Unobservable]:
 def loss_by_skipped_positions(p: Positions) -> str:
     """Return in a sentence what skipped positions of a published schedule would have added."""
     recording, fit, solution = p.view.source, p.fit, p.fit.solution
-    schedule = next((s for s in SCHEDULES.values() if follows_schedule(p, s)), None)
+    schedule = next((s for s in SCHEDULES.values() if _follows_schedule(p, s)), None)
     missing = sorted(set(range(1, len(schedule.holds) + 1)) - {int(q) for q in p.numbers}) if schedule else []
     if schedule is None or not missing:
         return ""
@@ -169,7 +169,7 @@ def loss_by_skipped_positions(p: Positions) -> str:
     return words + cost + (f"; {more} further direction{'s' if more > 1 else ''} not seen at all" if more > 0 else "")
 
 
-def follows_schedule(p: Positions, schedule: Schedule) -> bool:
+def _follows_schedule(p: Positions, schedule: Schedule) -> bool:
     """Return whether positions of the recording are those of the schedule under the same numbers."""
     platform, numbers, local = p.view.source.platform, p.numbers, p.view.visits
     if schedule.platform != platform or numbers.min() < 1 or numbers.max() > len(schedule.holds):

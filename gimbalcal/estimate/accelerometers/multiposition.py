@@ -155,8 +155,8 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     view = norm(dwell_means(recording))  # a rest that a row on the way cuts in two is one
     usual = TERMS if set(view.baseline) == set(LINEAR) else tuple(t for t in LINEAR if t in view.baseline)
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or usual) if t not in requested)
-    refuse_undetermined_term(wanted, recording.why_not_shown, "--terms")
-    refuse_undetermined_term(tuple(requested), recording.why_not_shown, "--with")
+    _refuse_undetermined_term(wanted, recording.why_not_shown, "--terms")
+    _refuse_undetermined_term(tuple(requested), recording.why_not_shown, "--with")
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     extra = norm_fit(view, base).extension(more) if more else NO_EXTENSION
     tried, positions = number_of_coefficients(wanted) - number_of_coefficients(base), f"{len(view)} positions"
@@ -204,7 +204,7 @@ def usual_accelerometers(recording: Recording) -> Calibration:
     return multiposition(recording, view.baseline)
 
 
-def refuse_undetermined_term(terms: Sequence[str], why_not: WhyNotShown, option: str) -> None:
+def _refuse_undetermined_term(terms: Sequence[str], why_not: WhyNotShown, option: str) -> None:
     """Raises InputError for a term that these positions cannot show; what it offers instead, they can."""
     for term in terms:
         cls = CATALOGUE.get(term)

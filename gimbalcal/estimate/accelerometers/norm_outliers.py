@@ -68,10 +68,9 @@ def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:
     remaining, outliers = np.arange(len(every.time)), dict[int, float]()
     most = max(MAX_OUTLIERS, int(MAX_SHARE * len(y)))
     while len(outliers) <= most:
-        together = (
-            deviating_rests(y, unit, noise, remaining, k) for k in range(1, most + 1)
-        )  # several hide each other
-        more = next(filter(None, together), {})
+        # Several outliers hide each other from a test of one.
+        sets = (_deviating_rests(y, unit, noise, remaining, k) for k in range(1, most + 1))
+        more = next(filter(None, sets), {})
         if not more:
             return tuple(NormOutlier(k, int(position[k]), g * off) for k, off in sorted(outliers.items()))
         outliers |= more
@@ -79,7 +78,7 @@ def norm_outliers(recording: Recording) -> tuple[NormOutlier, ...]:
     return ()
 
 
-def deviating_rests(
+def _deviating_rests(
     y: Array, unit: float | None, noise: Array, remaining: NDArray[np.int64], several: int
 ) -> dict[int, float]:
     """The rests without which the others agree best, and how far they are off [g]; empty where one of them is not.
@@ -96,7 +95,7 @@ def deviating_rests(
         for _ in range(CONCENTRATIONS):
             worst = _worst(y[remaining], unit, worst[:several])
         choices = worst[None, :several]
-    through = ellipsoids_without(y[remaining], unit, _without(m, choices))
+    through = _ellipsoids_without(y[remaining], unit, _without(m, choices))
     best = int(np.argmin(through.usual))
     if not np.isfinite(through.usual[best]):
         return {}
@@ -112,7 +111,7 @@ def deviating_rests(
 
 def _worst(y: Array, unit: float | None, gone: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the rests y (m, 3), from the one that lies farthest from the ellipsoid through all but those gone."""
-    return np.argsort(-np.abs(ellipsoids_without(y, unit, _without(len(y), gone[None])).rho[0]))
+    return np.argsort(-np.abs(_ellipsoids_without(y, unit, _without(len(y), gone[None])).rho[0]))
 
 
 def _without(m: int, choices: NDArray[np.int64]) -> Array:
@@ -139,9 +138,9 @@ class _Ellipsoids(NamedTuple):
     usual: Array
 
 
-def ellipsoids_without(y: Array, unit: float | None, kept: Array) -> _Ellipsoids:
+def _ellipsoids_without(y: Array, unit: float | None, kept: Array) -> _Ellipsoids:
     """Through the rests that are kept (r, m)."""
-    u, size = unit_sphere_points(y, unit, kept)
+    u, size = _unit_sphere_points(y, unit, kept)
     A = design(u)
     G = np.swapaxes(A * kept[..., None], -1, -2) @ A + RIDGE**2 * np.eye(MIN_POINTS)
     lacks = (1 - A @ SPHERE) * kept
@@ -156,7 +155,7 @@ def ellipsoids_without(y: Array, unit: float | None, kept: Array) -> _Ellipsoids
     return _Ellipsoids(u, size, c, G, rho, s, np.where(closed, np.sqrt(square), np.inf))
 
 
-def unit_sphere_points(y: Array, unit: float | None, kept: Array) -> tuple[Array, Array]:
+def _unit_sphere_points(y: Array, unit: float | None, kept: Array) -> tuple[Array, Array]:
     """Readings (r, m, 3) as points about the unit sphere, and what 1 is in their unit (r,).
 
     Counts have their middle and size from the rests that are kept (r, m).

@@ -125,14 +125,14 @@ def residual_noise(p: Positions) -> Noise:
     start = np.log([getattr(p.noise, name) for name in opened])
 
     def cost(logs: Array) -> float:
-        return noise_deviance(p, with_sizes(p.noise, opened, logs))
+        return noise_deviance(p, _with_sizes(p.noise, opened, logs))
 
     # two starts: the likelihood has a second, flat mode where all is put down to the other noise
     minima = [minimize(cost, start + shift, method="Nelder-Mead", options={"xatol": 1e-3}) for shift in (0.0, 4.0)]
-    return with_sizes(p.noise, opened, min(minima, key=lambda result: float(result.fun)).x)
+    return _with_sizes(p.noise, opened, min(minima, key=lambda result: float(result.fun)).x)
 
 
-def with_sizes(noise: Noise, names: list[str], logs: Array) -> Noise:
+def _with_sizes(noise: Noise, names: list[str], logs: Array) -> Noise:
     # 1e-12 to 1: an angle or a force beyond these is no noise; keeps the search inside the range of floats
     return replace(noise, **dict(zip(names, np.exp(np.clip(logs, -28, 0)).tolist(), strict=True)))
 

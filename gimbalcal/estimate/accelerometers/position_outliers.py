@@ -77,7 +77,7 @@ def fit_without_outliers(
     scaled = noise.setting_from == RESIDUAL  # an estimated setting error hides a fault from the test of the whole
     if is_explained_by_chance(whole.fit.solution.chi2, whole.fit.solution.dof) and not scaled:
         return whole
-    groups = suspected_visits(in_noise(view, noise), wanted, absent, scaled)
+    groups = _suspected_visits(in_noise(view, noise), wanted, absent, scaled)
     if not groups:
         return whole
     rest = fit_with_noise(without_visits(view, [i for group in groups for i in group]), noise, wanted, absent)
@@ -87,10 +87,10 @@ def fit_without_outliers(
     )
     if not (scaled or fits):
         return whole
-    return replace(rest, faults=tuple(fault_in_words(view, rest.fit, group) for group in groups))
+    return replace(rest, faults=tuple(_fault_in_words(view, rest.fit, group) for group in groups))
 
 
-def suspected_visits(
+def _suspected_visits(
     view: View, wanted: Sequence[Parameter], absent: Sequence[Effect], scaled: bool
 ) -> list[tuple[int, ...]]:
     """Greedy search on the problem linearised at nominal parameters, which no fault has pulled away."""
@@ -103,7 +103,7 @@ def suspected_visits(
     free = w.reached | off[:, None]
     active, groups = np.arange(len(measured)), []
     for _ in range(MAX_FAULTS):
-        worst = worst_fault(J[active], w.r[active], w.W[active], free[active], measured[active], scaled)
+        worst = _worst_fault(J[active], w.r[active], w.W[active], free[active], measured[active], scaled)
         if worst is None:
             break
         groups.append(tuple(int(active[v]) for v in worst))
@@ -111,7 +111,7 @@ def suspected_visits(
     return groups
 
 
-def worst_fault(J: Array, r: Array, W: Array, free: Array, measured: Array, scaled: bool) -> tuple[int, ...] | None:
+def _worst_fault(J: Array, r: Array, W: Array, free: Array, measured: Array, scaled: bool) -> tuple[int, ...] | None:
     """The visit, or the pair of interchanged visits, whose fault explains the misfit best; None if none stands out."""
     basis = _seen_basis(J)
     dof = r.size - basis.shape[-1]
@@ -119,18 +119,18 @@ def worst_fault(J: Array, r: Array, W: Array, free: Array, measured: Array, scal
     chi2 = float((rest**2).sum())
     if dof <= 3 or (is_explained_by_chance(chi2, dof) and not scaled):
         return None
-    falls = chi2_falls(basis, rest, free)
+    falls = _chi2_falls(basis, rest, free)
     single = int(np.argmax(falls))
     swapped, pair, pairs = _best_swap(basis, r, W, measured, np.sort(np.argsort(falls)[-MAX_SUSPECTS:]))
     options: list[tuple[float, int, int, tuple[int, ...]]] = [(chi2 - float(falls[single]), dof - 2, len(r), (single,))]
-    if are_interchanged(J, r, with_exchanged_visits(r, W, measured, pair), pair, falls, scaled):
+    if _are_interchanged(J, r, _with_exchanged_visits(r, W, measured, pair), pair, falls, scaled):
         options.append((swapped, dof, pairs, pair))
     misfit, freedom, trials, suspects = min(options, key=lambda option: option[0])
     scale = max(misfit / freedom, 1e-300) if scaled else 1.0
     return suspects if trials * probability((chi2 - misfit) / scale, 2 * len(suspects)) < SIGNIFICANCE else None
 
 
-def are_interchanged(J: Array, r: Array, swapped: Array, pair: tuple[int, int], falls: Array, scaled: bool) -> bool:
+def _are_interchanged(J: Array, r: Array, swapped: Array, pair: tuple[int, int], falls: Array, scaled: bool) -> bool:
     """Return whether two visits fit each other's angles, and neither fits its own when the other is left out.
 
     r, swapped (m, 3): the rows, and those with the readings of the two exchanged. A third visit may be wrong as well:
@@ -163,7 +163,7 @@ def _seen_basis(J: Array) -> Array:
     return orthonormal(J.reshape(-1, J.shape[-1]), MIN_SIGNAL_TO_NOISE).reshape(*J.shape[:2], -1)
 
 
-def chi2_falls(basis: Array, rest: Array, free: Array) -> Array:
+def _chi2_falls(basis: Array, rest: Array, free: Array) -> Array:
     """Fall of chi^2 (m,) if the free rows (m, 3) of one visit said nothing (module docstring)."""
     own = np.eye(3) - basis @ np.swapaxes(basis, -1, -2)
     # rows that are not free take no part: their own block is the identity, their residual zero
@@ -177,14 +177,14 @@ def chi2_falls(basis: Array, rest: Array, free: Array) -> Array:
 def _best_swap(basis: Array, r: Array, W: Array, measured: Array, among: Array) -> tuple[float, tuple[int, int], int]:
     """Lowest chi^2 when the readings of two visits change places, which two, and how many pairs were tried."""
     pairs = np.array(list(combinations(among, 2)))
-    rows = np.stack([with_exchanged_visits(r, W, measured, (i, j)) for i, j in pairs])
+    rows = np.stack([_with_exchanged_visits(r, W, measured, (i, j)) for i, j in pairs])
     explained = np.einsum("mij,qmi->qj", basis, rows)
     chi2 = (rows**2).sum(axis=(1, 2)) - (explained**2).sum(axis=1)
     best = int(np.argmin(chi2))
     return float(chi2[best]), (int(pairs[best, 0]), int(pairs[best, 1])), len(pairs)
 
 
-def with_exchanged_visits(r: Array, W: Array, measured: Array, pair: tuple[int, int]) -> Array:
+def _with_exchanged_visits(r: Array, W: Array, measured: Array, pair: tuple[int, int]) -> Array:
     """The rows (m, 3) with the readings of two visits exchanged."""
     rows = r.copy()
     for i, j in (pair, pair[::-1]):
@@ -192,7 +192,7 @@ def with_exchanged_visits(r: Array, W: Array, measured: Array, pair: tuple[int, 
     return rows
 
 
-def fault_in_words(view: View, rest: ViewsFit, visits: tuple[int, ...]) -> Fault:
+def _fault_in_words(view: View, rest: ViewsFit, visits: tuple[int, ...]) -> Fault:
     """Return the fault of visits of a view, in words, by what the fit of the others predicts."""
     numbers = numbers_of_visits(view)
     names = tuple(int(numbers[v]) for v in visits)

@@ -81,7 +81,7 @@ def gyroscopes_between_rests(
     )
     wanted = tuple(t for t in (tuple(dict.fromkeys(terms)) or (*LINEAR, *further)) if t not in requested)
     for t in wanted:
-        refuse_term(t, lacking_quantity(CATALOGUE[t], recording.has) if t in CATALOGUE else "", recording.title)
+        _refuse_term(t, lacking_quantity(CATALOGUE[t], recording.has) if t in CATALOGUE else "", recording.title)
     turns = turns_between_rests(recording, accelerometers)
     terms_moving = tuple(t for t in wanted if t != G_SENSITIVITY)
     base = tuple(t for t in terms_moving if t in LINEAR) or terms_moving[:1]
@@ -103,7 +103,7 @@ def gyroscopes_between_rests(
             declined = {t: f"{t} is left out: {doubt[0]}" for t in terms_moving}
         else:
             fits, declined = select_terms(
-                base, linear, further, lambda terms, without: attempt_terms(turns, terms, without, tried, moving)
+                base, linear, further, lambda terms, without: _attempt_terms(turns, terms, without, tried, moving)
             )
     if why:
         declined[G_SENSITIVITY] = why
@@ -136,7 +136,7 @@ def _extension(more: Sequence[ExtraEffect], still: View, turns: Turns, base: tup
     return extension(more, sizes, still.stimulus, misfit)
 
 
-def refuse_term(term: str, missing: str, title: str) -> None:
+def _refuse_term(term: str, missing: str, title: str) -> None:
     """Raise InputError for a term that turns between rests cannot show, or not without the channel that is missing."""
     if term not in CATALOGUE or CATALOGUE[term].stage not in GYROSCOPE_STAGES or term == BIAS:
         raise InputError(f"--terms names {term!r}, which is not a gyroscope effect that turns between rests can show")
@@ -144,7 +144,7 @@ def refuse_term(term: str, missing: str, title: str) -> None:
         raise InputError(f"--terms names {term}, which needs the channel {missing}; {title!r} has none")
 
 
-def attempt_terms(
+def _attempt_terms(
     turns: Turns, terms: tuple[str, ...], without: ViewsFit, tried: int, extra: Extension
 ) -> ViewsFit | str:
     """The fit with the last of the terms, or why the turns do not support it."""
@@ -156,13 +156,13 @@ def attempt_terms(
     data = f"{len(fit.residual[0])} turns"
     return (
         refusal_sentence(
-            terms[-1], data, without, fit, "rad", needed_significance(tried, degrees_of_freedom(fit)), sigma
+            terms[-1], data, without, fit, "rad", needed_significance(tried, _degrees_of_freedom(fit)), sigma
         )
         or fit
     )
 
 
-def degrees_of_freedom(fit: ViewsFit) -> int:
+def _degrees_of_freedom(fit: ViewsFit) -> int:
     return fit.residual[0].size - len(fit.x)
 
 
@@ -187,7 +187,7 @@ def _calibration(level: ViewsFit, fits: Fits, declined: dict[str, str], scale: f
         )
         for terms, f in fits
     )
-    dof = degrees_of_freedom(fit or level)
+    dof = _degrees_of_freedom(fit or level)
     return Calibration(
         "turns", with_values((*level.effects, *(fit.effects if fit else ())), wanted, x), wanted,
         block_diagonal([f.covariance for f in (level, fit) if f]),

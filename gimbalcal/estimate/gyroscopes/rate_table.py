@@ -83,7 +83,7 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording], more: Sequence[ExtraE
     extra = linear.extension(more, sizes)
     if more:
         linear = _fit(table.view, (*linear.parameters, *extra.parameters), extra.effects)
-    best, declined = fit_with_supported_terms(table.view, linear, {e.effect for e in more})
+    best, declined = _fit_with_supported_terms(table.view, linear, {e.effect for e in more})
     calibration = extra.complete(_calibration(best, table.unseen, declined, table.stretches))
     files = tuple(file for r in recordings for file in r.source)
     return replace(calibration, provenance=replace(calibration.provenance, recordings=files), readout=table.readout)
@@ -128,9 +128,9 @@ def on_a_table(recordings: Sequence[Recording]) -> OnTable:
     for r in recordings:
         refuse_unlike_table(r)
     each = [stretches_of(r) for r in recordings]
-    scale = nominal_scales([r.counted(RATE) for r in recordings], each)
+    scale = _nominal_scales([r.counted(RATE) for r in recordings], each)
     view = rate_table(recordings, each, scale, np.eye(3))
-    wanted, unseen = seen_parameters(view)
+    wanted, unseen = _seen_parameters(view)
     first = _fit(view, wanted)
     own = dict(zip(first.parameters, first.x, strict=True))
     scale_factor, turned = (
@@ -147,7 +147,7 @@ def _share_of_unit(misalignments: Array) -> float:
     return float(np.sqrt(1 - MOUNTING_SIGMA_RAD**2 / square)) if square > MOUNTING_SIGMA_RAD**2 else 0.0
 
 
-def nominal_scales(counted: Sequence[bool], each: Sequence[Stretches]) -> Array:
+def _nominal_scales(counted: Sequence[bool], each: Sequence[Stretches]) -> Array:
     """Rad/s per unit of the readings (3,): ones where they have a scale, else by the turns about each own axis."""
     if not any(counted):
         return np.ones(3)
@@ -167,7 +167,7 @@ def nominal_scales(counted: Sequence[bool], each: Sequence[Stretches]) -> Array:
     return out
 
 
-def seen_parameters(view: View) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
+def _seen_parameters(view: View) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
     """Parameters of the linear model that some stretch depends on, and those that none does."""
     every = tuple(p for t in BASE for p in parameters(CATALOGUE[t]))
     size = np.abs(view.evaluate(()).jacobian(every)).max(axis=(0, 1))
@@ -191,7 +191,7 @@ def _condition(view: View, wanted: Sequence[Parameter]) -> float:
     return float(np.linalg.cond(J[:, size > 0] / size[size > 0]))
 
 
-def fit_with_supported_terms(
+def _fit_with_supported_terms(
     view: View, linear: ViewsFit, requested: Collection[str]
 ) -> tuple[ViewsFit, dict[str, str]]:
     """The linear fit with each further term that the stretches support, none of those `requested`, and why not."""

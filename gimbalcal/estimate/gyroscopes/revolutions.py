@@ -77,7 +77,7 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
     earth = [y[d.rows].mean(0) + (0.0 if bias is None else bias) for d in visits]
     between = zip(moves_between_dwells(recording), earth, strict=False)
     moved = [_integrals(recording.time[m.rows], y[m.rows], e, m.paused) for m, e in between]
-    pairs = opposite_pairs(moved)
+    pairs = _opposite_pairs(moved)
     if len(pairs) < 6:
         raise InputError(
             f"{recording.title!r} holds {number_of(len(pairs), 'pair')} of whole revolutions, one each way "
@@ -92,7 +92,7 @@ def revolutions_of(recording: Recording, bias: Array | None = None) -> tuple[Rev
     angle = float(np.mean([a for _, _, a in first]))
     shortest = min(d.stop - d.start for d in visits)
     scaled = [
-        np.stack([scaled_revolution(moved[k], angle, duration) for k in side]) for side in zip(*pairs, strict=True)
+        np.stack([_scaled_revolution(moved[k], angle, duration) for k in side]) for side in zip(*pairs, strict=True)
     ]
     noise = sigma * np.sqrt(duration * step), sigma / np.sqrt(shortest)
     return Revolutions(scaled[0][None], scaled[1][None], rest[None], duration, angle, *noise), len(pairs)
@@ -124,7 +124,7 @@ def _integrals(time: Array, rows: Array, earth: Array, interrupted: bool) -> Mov
     return S, float(dt.sum()), 2 * np.pi * whole
 
 
-def opposite_pairs(moved: Sequence[Moved]) -> list[tuple[int, int]]:
+def _opposite_pairs(moved: Sequence[Moved]) -> list[tuple[int, int]]:
     """Neighbouring revolutions about one axis in opposite senses, each used once."""
     out, k = [], 0
     while k + 1 < len(moved):
@@ -138,7 +138,7 @@ def opposite_pairs(moved: Sequence[Moved]) -> list[tuple[int, int]]:
     return out
 
 
-def scaled_revolution(one: Moved, angle: float, duration: float) -> Array:
+def _scaled_revolution(one: Moved, angle: float, duration: float) -> Array:
     """A revolution brought to the common angle and duration: shares of its own, which leaves the equations true."""
     S, t, own = one
     if abs(t / duration - 1) > 0.1 or abs(own / angle - 1) > 1e-9:
@@ -262,7 +262,7 @@ def rotation_between_triads(gyroscopes: Calibration, recording: Recording, accel
             f"gravity is moved by {number_of(len(used), 'turn')}; three or more tell how the triads lie to each other"
         )
     turns = np.array(
-        [turn_relative_to_earth(recording.time, rate, between[i].rows, rate[rests[i].rows].mean(0)) for i in used]
+        [_turn_relative_to_earth(recording.time, rate, between[i].rows, rate[rests[i].rows].mean(0)) for i in used]
     )
     fit = from_turns(down[used], down[[i + 1 for i in used]], turns, sigma=1.0)  # scaled by its residuals below
     # each turn has three residuals of rank two
@@ -270,7 +270,7 @@ def rotation_between_triads(gyroscopes: Calibration, recording: Recording, accel
     return replace(fit, covariance=sigma**2 * fit.covariance)
 
 
-def turn_relative_to_earth(time: Array, rate: Array, span: slice, earth: Array) -> Array:
+def _turn_relative_to_earth(time: Array, rate: Array, span: slice, earth: Array) -> Array:
     """Return R^q (3, 3) of one turn relative to the Earth, whose rate (3,) [rad/s] is known before it."""
     t, C = time[span], np.eye(3)
     mean, bend, coning = mean_rates(t, rate[span])

@@ -145,7 +145,7 @@ def _sample_sigma(rate: Array, weight: Array, rests: Sequence[Dwell]) -> float:
     return float(np.sqrt(np.nanmean(spread)))
 
 
-def azimuth_of_base(fitted: ViewsFit) -> float:
+def _azimuth_of_base(fitted: ViewsFit) -> float:
     """Return where the base's x axis points, east of north, in degrees within half a turn."""
     return float(from_si((fitted.nuisance(HEADING)[0][0] + np.pi) % (2 * np.pi) - np.pi, "deg"))
 
@@ -158,12 +158,12 @@ def _calibration(solutions: Sequence[ViewsFit]) -> Calibration:
     inflation = chi2 / dof if chance < SIGNIFICANCE else 1.0
     covariance = inflation * best.covariance
     off = float(from_si(np.sqrt(inflation) * heading_sigma, "deg"))
-    east, times = azimuth_of_base(best), float(np.sqrt(chi2 / max(dof, 1)))
+    east, times = _azimuth_of_base(best), float(np.sqrt(chi2 / max(dof, 1)))
     words = (
         f"{number_of(len(best.residual[0]), 'rest')}; the base's x axis points {east:.4g} +- {off:.2g} deg "
         f"east of north; what is left is {times:.2g} times the noise"
     )
-    outcome = in_words(solutions, [f"the x axis {azimuth_of_base(f):.4g} deg east of north" for f in solutions])
+    outcome = in_words(solutions, [f"the x axis {_azimuth_of_base(f):.4g} deg east of north" for f in solutions])
     sentences = [f"{outcome}; a rest turned about the vertical tells"] if outcome else []
     if chance < SIGNIFICANCE:
         worst = int(np.argmax(np.abs(best.residual[0]).max(axis=1)))
@@ -176,14 +176,14 @@ def _calibration(solutions: Sequence[ViewsFit]) -> Calibration:
     options = Options(direction=DIRECTION, frame="the gimbals' platform", in_words=words, north=North(east, off))
     return best.calibration(
         "two-position", Residual(chi2, dof, {RATE: best.rms}), outcome="; ".join(sentences), covariance=covariance,
-        unobservable=(*best.unobservable, *name_confounded_sensitivity(best.views[0])),
+        unobservable=(*best.unobservable, *_name_confounded_sensitivity(best.views[0])),
         provenance=Provenance(recordings=best.views[0].source.source, options=options,
                               other_solutions=entries_of_minima(solutions)),
         stages=(replace(best.stage("two positions", words), sigmas=np.sqrt(np.diag(covariance))),),
     )  # fmt: skip
 
 
-def name_confounded_sensitivity(view: View) -> tuple[Unobservable, ...]:
+def _name_confounded_sensitivity(view: View) -> tuple[Unobservable, ...]:
     """Name the g-sensitivity that is confounded with the bias where all rests feel the same force."""
     down = -view.stimulus.force / view.stimulus.gravity
     if np.abs(down - down[0]).max() > SAME_DIRECTION:

@@ -43,7 +43,7 @@ def wanted_parameters(platform: Platform, axes: Sequence[str], terms: Sequence[s
     for term in terms:
         chosen = [p for p in every if term in (p.effect, f"{p.effect}:{p.axis}", p.label, names.get(p.label))]
         if not chosen:
-            raise InputError(why_unknown(term, every))
+            raise InputError(_why_unknown(term, every))
         out += [p for p in chosen if p not in out]
     return tuple(out)
 
@@ -55,7 +55,7 @@ def is_single_term(term: str, platform: Platform, axes: Sequence[str]) -> bool:
     return own or term in (term_names(platform).get(label) for label in labels)
 
 
-def why_unknown(term: str, every: Sequence[Parameter]) -> str:
+def _why_unknown(term: str, every: Sequence[Parameter]) -> str:
     """Return the reason why a term names none of the parameters that a mount has."""
     effect, _, axis = term.partition(":")
     known = sorted(effects_of_mounts())

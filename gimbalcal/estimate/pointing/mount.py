@@ -65,7 +65,7 @@ def pointing_calibration(
     platform, axes = recordings[0].platform, read_axes(recordings[0])
     single = [word for word in more if is_single_term(word, platform, axes)]
     chosen = terms or usual_terms(axes)
-    stated = stated_star_noise([r.noise.get("gimbal_angle") for r in recordings])
+    stated = _stated_star_noise([r.noise.get("gimbal_angle") for r in recordings])
     also = extra_effects([word for word in more if word not in single], recordings, chosen)
     follows = all(v.noise.own_memories for v in runs)  # stars show the first term of a series alone
 
@@ -75,7 +75,7 @@ def pointing_calibration(
     def of_terms(names: Sequence[str]) -> tuple[Parameter, ...]:
         return tuple(filter(shown, wanted_parameters(platform, axes, names)))
 
-    wanted = without_omitted(with_added(of_terms(chosen), of_terms(single)), of_terms(without))
+    wanted = _without_omitted(_with_added(of_terms(chosen), of_terms(single)), of_terms(without))
     axes_of = [tuple(f"{e.effect}:{axis}" for axis in e.axes) or (e.effect,) for e in also]
     sizes = tuple(p for names in axes_of for p in of_terms(names))
     fitted = fit_terms(runs, wanted, stated)
@@ -90,7 +90,7 @@ def pointing_calibration(
     calibration = fitted.calibration(
         "pointing",
         residual,
-        outcome=" ".join(filter(None, [_misfit(fitted, stated), nights_differ(several)])),
+        outcome=" ".join(filter(None, [_misfit(fitted, stated), _nights_differ(several)])),
         provenance=Provenance(
             noise=AssumedNoise(
                 star_arcsec=float(from_si(fitted.excess, "arcsec")),
@@ -115,14 +115,14 @@ def pointing_calibration(
     return extra.complete(replace(calibration, provenance=origin))
 
 
-def with_added(wanted: Sequence[Parameter], added: Sequence[Parameter]) -> tuple[Parameter, ...]:
+def _with_added(wanted: Sequence[Parameter], added: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Return the parameters with those that are added. Raises InputError for one that is among them."""
     if present := [p.label for p in added if p in wanted]:
         raise InputError(f"--with {', '.join(present)}: in the model of this method anyway; leave it out")
     return (*wanted, *added)
 
 
-def without_omitted(wanted: Sequence[Parameter], omitted: Sequence[Parameter]) -> tuple[Parameter, ...]:
+def _without_omitted(wanted: Sequence[Parameter], omitted: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Return the parameters without those that are omitted. Raises InputError for one that is not among them."""
     if absent := [p.label for p in omitted if p not in wanted]:
         has = ", ".join(p.label for p in wanted)
@@ -132,7 +132,7 @@ def without_omitted(wanted: Sequence[Parameter], omitted: Sequence[Parameter]) -
     return tuple(p for p in wanted if p not in omitted)
 
 
-def stated_star_noise(values: Sequence[float | None]) -> float | None:
+def _stated_star_noise(values: Sequence[float | None]) -> float | None:
     """The stated noise of a star [rad] where every header states it, rms over the runs; else None."""
     known = [s for s in values if s]
     return float(np.sqrt(np.mean(np.square(known)))) if len(known) == len(values) else None
@@ -159,7 +159,7 @@ def _misfit(fitted: ViewsFit, stated: float | None) -> str:
     )
 
 
-def nights_differ(several: Nights | None) -> str:
+def _nights_differ(several: Nights | None) -> str:
     if several is None or several.probability >= SIGNIFICANCE:
         return ""
     if not several.moved:
@@ -195,7 +195,7 @@ def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
         if not any(f.unobservable for f in alone):
             x, covariance = (np.array([getattr(f, name) for f in alone]) for name in ("x", "covariance"))
             p = probability(chi2_about_mean(x, covariance), x[1:].size)
-            return Nights(alone, p, moved_terms(alone) if p < SIGNIFICANCE else ())
+            return Nights(alone, p, _moved_terms(alone) if p < SIGNIFICANCE else ())
     alone = tuple(fit_terms([v], wanted, sigma, joint.absent) for v in runs)
     shared = fit_terms(runs, wanted, sigma, joint.absent).solution
     dof = sum(f.solution.dof for f in alone)
@@ -204,7 +204,7 @@ def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
     if stated is None:
         own = max(sigma * float(np.sqrt(variance)), MIN_SIGMA_RAD)
         alone = tuple(fit_terms([v], wanted, own, joint.absent) for v in runs)
-    return Nights(alone, p, moved_terms(alone) if p < SIGNIFICANCE else ())
+    return Nights(alone, p, _moved_terms(alone) if p < SIGNIFICANCE else ())
 
 
 def change_between_nights(first: ViewsFit, other: ViewsFit) -> tuple[Array, Array]:
@@ -213,7 +213,7 @@ def change_between_nights(first: ViewsFit, other: ViewsFit) -> tuple[Array, Arra
     return other.x - first.x, np.sqrt(variance)
 
 
-def moved_terms(alone: Sequence[ViewsFit]) -> tuple[tuple[Parameter, int, float, float], ...]:
+def _moved_terms(alone: Sequence[ViewsFit]) -> tuple[tuple[Parameter, int, float, float], ...]:
     """Terms that stand out, the clearest first, each in the night where it is clearest."""
     best: dict[Parameter, tuple[Parameter, int, float, float]] = {}
     for k, f in enumerate(alone[1:], start=1):

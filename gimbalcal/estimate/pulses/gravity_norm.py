@@ -142,30 +142,30 @@ def accelerometer_pulses(N: Array, gravity: float, sigma: float, order: int = 3)
     gravity [m/s^2]; sigma [m/s^2] noise of one position's mean along each axis; order 1, 2 or 3 of the scale polynomial
     (higher terms stay zero). Both starts, Eq. (41) and the ellipsoid, are followed and the lower minimum is kept.
     """
-    free = free_ordinals(order)
+    free = _free_ordinals(order)
     K0 = initial_scale(N, gravity)
     u = N * K0[:, None, :] / gravity  # of order one: the force in g
 
     def model(x: Array, runs: Array) -> tuple[Array, Array]:
-        return _residuals(with_fixed(x, free), u[runs], sigma / gravity, free)
+        return _residuals(_with_fixed(x, free), u[runs], sigma / gravity, free)
 
     plain = np.tile(np.r_[np.ones(3), np.zeros(12)], (len(N), 1))[:, free]
     minimum = minimise(model, plain)
     if N.shape[-2] >= MIN_POINTS:
         second = ellipsoid(u)
         usable = np.isfinite(second).all(-1)
-        start = with_fixed(plain, free)
+        start = _with_fixed(plain, free)
         start[usable, :3], start[usable, 9:] = second[usable, :3], second[usable, 3:]
         minimum = minimum.better(minimise(model, start[:, free]))
     one = np.ones_like(K0)
     return in_si(minimum, free, [K0, K0**2 / gravity, K0**3 / gravity**2, gravity * one, one])
 
 
-def free_ordinals(order: int) -> Array:
+def _free_ordinals(order: int) -> Array:
     return np.flatnonzero(np.repeat([True, order >= 2, order >= 3, True, True], 3))
 
 
-def with_fixed(x: Array, free: Array) -> Array:
+def _with_fixed(x: Array, free: Array) -> Array:
     out = np.zeros((*x.shape[:-1], 15))
     out[..., free] = x
     return out
@@ -192,7 +192,7 @@ def in_si(minimum: LeastSquaresMinimum, free: Array, units: Sequence[Array]) -> 
     full = np.zeros((len(unit), 15, 15))
     full[:, free[:, None], free] = covariance_at_minimum(minimum.jacobian)
     return PulseFit(
-        Pulses.from_vector(with_fixed(minimum.x, free) * unit),
+        Pulses.from_vector(_with_fixed(minimum.x, free) * unit),
         full * unit[:, :, None] * unit[:, None, :],
         2 * minimum.cost,
         minimum.converged,

@@ -59,7 +59,7 @@ def gyroscope_pulses(counted: Revolutions, *, both_senses: bool = True, guess: A
         else np.broadcast_to(guess, _shape(counted))
     )
     speed = counted.angle / counted.duration
-    data = in_units_of_angle(counted, K0, speed)
+    data = _in_units_of_angle(counted, K0, speed)
 
     def model(x: Array, runs: Array) -> tuple[Array, Array]:
         return _residuals(x, tuple(d[runs] for d in data), counted, both_senses)
@@ -81,7 +81,7 @@ def _shape(counted: Revolutions) -> tuple[int, int]:
     return len(counted.rest), 3
 
 
-def in_units_of_angle(counted: Revolutions, K0: Array, speed: float) -> tuple[Array, Array, Array]:
+def _in_units_of_angle(counted: Revolutions, K0: Array, speed: float) -> tuple[Array, Array, Array]:
     """Difference and sum (r, k, 3 bases, 3) of the two senses in units of the angle, rest (r, m, 3, 3) of the speed.
 
     The three bases multiply K1, K2 and the bias; at a rough scale of K0 the first is of order one.
@@ -98,7 +98,7 @@ def in_units_of_angle(counted: Revolutions, K0: Array, speed: float) -> tuple[Ar
     )
 
 
-def vectors_of_bases(x: Array, bases: Array) -> tuple[Array, Array]:
+def _vectors_of_bases(x: Array, bases: Array) -> tuple[Array, Array]:
     """Vectors (r, k, 3) in the orthogonal frame and derivatives (r, k, 3, 12) from bases (r, k, 3, 3), x (r, 12)."""
     C = unit_lower_triangular(x[:, 9:])
     w = np.einsum("rbj,rkbj->rkj", x[:, :9].reshape(-1, 3, 3), bases)
@@ -111,13 +111,13 @@ def vectors_of_bases(x: Array, bases: Array) -> tuple[Array, Array]:
 def _residuals(x: Array, data: tuple[Array, ...], counted: Revolutions, both_senses: bool) -> tuple[Array, Array]:
     """Whitened misfits (r, n) and exact derivatives (r, n, 12): Eq. (30), the cross components, Eq. (35)."""
     sigma = np.sqrt(2) * counted.sigma_angle / counted.angle
-    D, JD = vectors_of_bases(x, data[0])
+    D, JD = _vectors_of_bases(x, data[0])
     length = (D**2).sum(-1)
     rows = [((length - 4) / (4 * sigma), np.einsum("rki,rkip->rkp", D, JD) / (2 * sigma))]  # Eq. (30) / (4 theta sigma)
     if both_senses:
-        S, JS = vectors_of_bases(x, data[1])
-        rows += part_across(S, JS, D, JD, length, sigma)
-    W, JW = vectors_of_bases(x, data[2])
+        S, JS = _vectors_of_bases(x, data[1])
+        rows += _part_across(S, JS, D, JD, length, sigma)
+    W, JW = _vectors_of_bases(x, data[2])
     speed = counted.angle / counted.duration
     earth, noise = EARTH_RATE / speed, counted.sigma_rest / speed
     rest = ((W**2).sum(-1) - earth**2) / (2 * earth * noise)  # Eq. (35)
@@ -125,7 +125,7 @@ def _residuals(x: Array, data: tuple[Array, ...], counted: Revolutions, both_sen
     return np.concatenate([r for r, _ in rows], axis=1), np.concatenate([J for _, J in rows], axis=1)
 
 
-def part_across(S: Array, JS: Array, D: Array, JD: Array, length: Array, sigma: float) -> list[tuple[Array, Array]]:
+def _part_across(S: Array, JS: Array, D: Array, JD: Array, length: Array, sigma: float) -> list[tuple[Array, Array]]:
     """Part of S across D, S - D (S.D)/(D.D), component by component, over sigma; three rows of rank two."""
     share = (S * D).sum(-1) / length
     d_dot = np.einsum("rki,rkip->rkp", D, JS) + np.einsum("rki,rkip->rkp", S, JD)

@@ -42,12 +42,8 @@ from gimbalcal.number import Array
 from gimbalcal.readings import Readings
 
 ORDERS = (0, 1, 2)
-FITTED_ORDERS = (
-    0,
-    1,
-    2,
-    3,
-)  # the bends of x and y make a third harmonic, K g C^2 / 4, that must not pass for coloured noise
+# the bends of x and y make a third harmonic, K g C^2 / 4, that must not pass for coloured noise
+FITTED_ORDERS = (0, 1, 2, 3)
 NAMES = force_filter.NAMES + tuple(f"{axis}_{k}" for axis in ("phi", "theta") for k in labels(ORDERS))
 MEANS = ("phi_0", "theta_0")  # base tilt and readout zeros go into these and into nothing else
 

@@ -195,7 +195,7 @@ def fuse_stages(
         unobservable=together.unobservable,
         residual=Residual(together.chi2, together.dof, before.residual.rms),
         outcome=". ".join(filter(None, (before.outcome, outcome(alone[1]), contradiction_sentence(together, *alone)))),
-        stages=(stage_with_gain(together, alone[0], before.stages[-1].rms if before.stages else 0.0),),
+        stages=(_stage_with_gain(together, alone[0], before.stages[-1].rms if before.stages else 0.0),),
     )
 
 
@@ -213,7 +213,7 @@ def contradiction_sentence(together: Solution, device: Solution, static: Solutio
     )
 
 
-def stage_with_gain(together: Solution, device: Solution, rms: float) -> StageResult:
+def _stage_with_gain(together: Solution, device: Solution, rms: float) -> StageResult:
     """Return the stage with the gain by the static run; rms [m/s^2] is that of the positions, which it hardly moves."""
     before = dict(zip(device.parameters, device.sigma, strict=True))
     ratio = [s / before[p] for p, s in zip(together.parameters, together.sigma, strict=True) if p in before]

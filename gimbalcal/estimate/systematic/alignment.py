@@ -35,9 +35,8 @@ from gimbalcal.views.segments import Segments
 MAX_ITERATIONS = 6
 LEVEL_SIGMA_RAD = np.radians(1.0)  # at the start
 HEADING_SIGMA_RANGE_RAD = np.radians(1.0), np.radians(60.0)  # at the start
-NEGLIGIBLE_BIAS_EARTH_RATES = (
-    3.0  # times the Earth's rate: gyroscopes that read less at rest have no bias worth the name
-)
+# times the Earth's rate: gyroscopes that read less at rest have no bias worth the name
+NEGLIGIBLE_BIAS_EARTH_RATES = 3.0
 BIAS_SIGMA_RAD_S = np.radians([1.0, 1000.0]) / 3600  # rad/s, one sigma of the bias of such a triad, and of any other
 LATITUDE_TOLERANCE_RAD = np.radians(3.0)  # besides 5 sigma of the observed latitude
 FAINT_EARTH_RATES = 0.1  # below, the Earth's rate was subtracted from the readings
@@ -148,7 +147,7 @@ def attitudes(segments: Segments, u: Array, start: Alignment) -> Array:
         new = k < len(segments.stop) and stop[k] >= 0 and (k == 0 or stop[k - 1] != stop[k])
         if new:
             mine = segments.of_stop(int(stop[k]))
-            tilt = levelling_rotation(turn @ C[(mine.start + mine.stop) // 2] @ u[mine, :3].mean(axis=0))
+            tilt = _levelling_rotation(turn @ C[(mine.start + mine.stop) // 2] @ u[mine, :3].mean(axis=0))
             if k:
                 part = (angle[last:k] - angle[last]) / max(angle[k] - angle[last], 1e-9)
                 out[last:k] = exponential(-part[:, None] * tilt) @ out[last:k]
@@ -160,7 +159,7 @@ def attitudes(segments: Segments, u: Array, start: Alignment) -> Array:
     return out
 
 
-def levelling_rotation(force: Array) -> Array:
+def _levelling_rotation(force: Array) -> Array:
     """Return the smallest rotation vector (3,) [rad] that turns a force (3,) upwards."""
     unit, up = force / np.linalg.norm(force), np.array([0.0, 0.0, -1.0])
     axis = np.cross(unit, up)
@@ -191,7 +190,7 @@ def gyro_scale_errors(segments: Segments, u: Array) -> Array:
     if len(spans) < MIN_TURNS:
         return np.diag(M)
     for _ in range(MAX_SCALE_ITERATIONS):
-        residuals, J = zip(*(missed_gravity_angle(segments, u, a, b, M) for a, b in spans), strict=True)
+        residuals, J = zip(*(_missed_gravity_angle(segments, u, a, b, M) for a, b in spans), strict=True)
         y, A = np.array(residuals), np.array(J)
         dM, remaining = _robust_step(y, A, M)
         M = M + dM
@@ -211,7 +210,7 @@ def gyro_scale_errors(segments: Segments, u: Array) -> Array:
     return np.where(np.abs(np.diag(M)) > NONLINEAR_SCALE_ERROR, np.diag(M), 0.0)
 
 
-def missed_gravity_angle(segments: Segments, u: Array, a: slice, b: slice, M: Array) -> tuple[Array, Array]:
+def _missed_gravity_angle(segments: Segments, u: Array, a: slice, b: slice, M: Array) -> tuple[Array, Array]:
     """Return the angle (3,) [rad] by which a turn with rates (1 + M) w misses gravity, and its Jacobian (3, 9)."""
     before, after = (
         slice(max(a.start, a.stop - EDGE_INTERVALS), a.stop),

@@ -181,16 +181,16 @@ def calibrate_jointly(
         wanted = states(asked, r.why_not_shown, more)
         each.append(iterate(segment(r), wanted, base, progress))
     wanted = with_widest_priors(p for m in each for p in m.wanted)
-    theta = solve(joint_information(wanted, each, np.zeros(len(wanted)))).x
+    theta = solve(_joint_information(wanted, each, np.zeros(len(wanted)))).x
     for _ in range(MAX_ROUNDS):
-        each = [relinearise_recording(wanted, each, k, theta) for k in range(len(each))]
-        solution = solve(joint_information(wanted, each, theta))
+        each = [_relinearise_recording(wanted, each, k, theta) for k in range(len(each))]
+        solution = solve(_joint_information(wanted, each, theta))
         move, theta = float(np.abs(solution.x / solution.sigma).max()), theta + solution.x
         progress(f"all together: the estimates moved by up to {move:.2g} of their sigma")
         if move < CONVERGED_SIGMAS:
             break
     each = [replace(m, converged=move < CONVERGED_SIGMAS) for m in each]
-    compared = [compare_recording(r.title, wanted, each, k, theta) for k, r in enumerate(recordings)]
+    compared = [_compare_recording(r.title, wanted, each, k, theta) for k, r in enumerate(recordings)]
     calibrations = [calibration_of_fit(m) for m in each]
     sessions = tuple(c.session(stops=int(m.segments.stop.max()) + 1) for c, m in zip(compared, each, strict=True))
     worst = min(calibrations, key=lambda c: c.residual.navigation["nis"]["p_value"])
@@ -213,13 +213,13 @@ def calibrate_jointly(
     )
 
 
-def joint_information(wanted: Sequence[Parameter], each: Sequence[SystematicFit], about: Array) -> Information:
+def _joint_information(wanted: Sequence[Parameter], each: Sequence[SystematicFit], about: Array) -> Information:
     """Return the information of all recordings about the constants, less some values (p,) of them."""
     own = ((m, [p.sigma for p in m.wanted]) for m in each)
     return reduce(add, (data_information(wanted, m.last.factor, m.unregularised - about, scale) for m, scale in own))
 
 
-def relinearise_recording(
+def _relinearise_recording(
     wanted: tuple[Parameter, ...], each: Sequence[SystematicFit], k: int, theta: Array
 ) -> SystematicFit:
     """Linearise a recording about the joint constants: attitudes with the others' information, then its own estimate.
@@ -227,7 +227,7 @@ def relinearise_recording(
     Where it observes little alone, its own attitudes are off by as much as its constants are.
     """
     m = replace(each[k], wanted=wanted)
-    others = joint_information(wanted, [o for i, o in enumerate(each) if i != k], theta)
+    others = _joint_information(wanted, [o for i, o in enumerate(each) if i != k], theta)
     p = len(wanted)
     rows = np.asarray(np.linalg.qr(np.concatenate([others.rows, np.eye(p, p + 1) / WIDE_PRIOR_SIGMAS]), mode="r"))
     root = np.linalg.inv(rows[:p, :p])
@@ -245,11 +245,11 @@ def relinearise_recording(
     )
 
 
-def compare_recording(
+def _compare_recording(
     title: str, wanted: Sequence[Parameter], each: Sequence[SystematicFit], k: int, theta: Array
 ) -> Comparison:
     """Compare one recording with all others together."""
     parts = [each[k]], [m for i, m in enumerate(each) if i != k], each
-    own, others, whole = (solve(joint_information(wanted, part, theta)) for part in parts)
+    own, others, whole = (solve(_joint_information(wanted, part, theta)) for part in parts)
     largest = largest_difference(wanted, own.x - others.x, np.hypot(own.sigma, others.sigma))
     return Comparison(title, len(each), agreement_test(whole, [own, others]).p_value, largest)

@@ -62,8 +62,8 @@ def innovation_rows(m: SystematicFit) -> InnovationRows:
     R = velocity_variance(segments.velocity)
     z = np.where((m.excluded | ~segments.believed)[:, None], np.nan, 0 * R)
     f = square_root_filter.filter(Phi, Psi[:, :, :0], root, d, z, VELOCITY_STATES, R, x, np.zeros(0), S, smoothed=0)
-    sigma, block = np.sqrt(f.variance), block_ordinals(segments.stop)
-    residual, row_sigma = join_innovations(f.innovation[..., None] * STATE_SCALE[3], sigma * STATE_SCALE[3], block)
+    sigma, block = np.sqrt(f.variance), _block_ordinals(segments.stop)
+    residual, row_sigma = _join_innovations(f.innovation[..., None] * STATE_SCALE[3], sigma * STATE_SCALE[3], block)
     first = np.flatnonzero(np.diff(block, prepend=-1))
     time = np.add.reduceat((segments.time[1:] + segments.time[:-1]) / 2, first) / np.diff(first, append=len(block))
 
@@ -71,7 +71,7 @@ def innovation_rows(m: SystematicFit) -> InnovationRows:
         Psi = np.zeros((*Phi.shape[:2], D.shape[2]))
         Psi[:, :NAV] = stretch_model(segments, u, m.C, lambda groups: D[groups], D.shape[2])[1]
         e = adjoint.innovation_response(Phi, Psi, VELOCITY_STATES, sigma, f.gain)
-        return join_innovations(np.nan_to_num(e) * STATE_SCALE[3], sigma * STATE_SCALE[3], block)[0]
+        return _join_innovations(np.nan_to_num(e) * STATE_SCALE[3], sigma * STATE_SCALE[3], block)[0]
 
     def response(D: Array) -> Array:
         parts = [part(D[..., k : k + BATCH_COLUMNS]) for k in range(0, D.shape[2], BATCH_COLUMNS)]
@@ -82,7 +82,7 @@ def innovation_rows(m: SystematicFit) -> InnovationRows:
     )
 
 
-def block_ordinals(stop: NDArray[np.int64]) -> NDArray[np.int64]:
+def _block_ordinals(stop: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the row (K,) of each update: its own while turning and soon after, shared later in a stop."""
     begins = np.diff(stop, prepend=-2) != 0
     since = np.arange(len(stop)) - np.maximum.accumulate(np.where(begins, np.arange(len(stop)), 0))
@@ -90,7 +90,7 @@ def block_ordinals(stop: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(np.cumsum(new) - 1)
 
 
-def join_innovations(e: Array, sigma: Array, block: NDArray[np.int64]) -> tuple[Array, Array]:
+def _join_innovations(e: Array, sigma: Array, block: NDArray[np.int64]) -> tuple[Array, Array]:
     """Join innovations (K, 3, p) of sigma (K, 3) to rows (n, 3, p) of independent noise, with their sigma (n, 3)."""
     first = np.flatnonzero(np.diff(block, prepend=-1))
     used = np.isfinite(sigma)

@@ -36,7 +36,7 @@ def innovation_statistics(
     z = navigator.innovation / np.sqrt(navigator.variance)
     n = int(np.count_nonzero(~np.isnan(z)))
     nis, used = float(np.nansum(z**2)), max(n - len(wanted) - 3, 1)
-    legs = stops_and_turns(segments)
+    legs = _stops_and_turns(segments)
     by_leg = np.array(
         [np.nansum(z[leg], axis=0) / np.sqrt(np.maximum((~np.isnan(z[leg])).sum(axis=0), 1)) for _, leg in legs]
     )
@@ -70,7 +70,7 @@ def innovation_statistics(
         "attitude": {
             **dict(zip(("heading_deg", "pitch_deg", "roll_deg"), np.degrees(angles).tolist(), strict=True)),
             "sigma_arcsec": dict(zip(DIRECTIONS, sigma.tolist(), strict=True)),
-            **sigma_of_variance(np.diagonal(smoothed[pick], axis1=1, axis2=2)),
+            **_sigma_of_variance(np.diagonal(smoothed[pick], axis1=1, axis2=2)),
         },
         "time_s": np.round(segments.time[pick] - segments.time[0], 3).tolist(),
         "estimate": {p.label: _printed(estimates[:, i], p, 10) for i, p in enumerate(wanted)},
@@ -83,7 +83,7 @@ def _printed(x: Array, p: Parameter, digits: int) -> list[float]:
     return [float(f"{v:.{digits}g}") for v in np.asarray(from_si(x, p.unit))]
 
 
-def sigma_of_variance(variance: Array) -> dict[str, dict[str, list[float]]]:
+def _sigma_of_variance(variance: Array) -> dict[str, dict[str, list[float]]]:
     """Return the sigma of the smoothed attitude; nothing where rounding has made a variance (n, 3) negative."""
     if not np.all(variance > 0):
         return {}
@@ -143,7 +143,7 @@ def outcome(
     )
 
 
-def stops_and_turns(segments: Segments) -> list[tuple[str, Array]]:
+def _stops_and_turns(segments: Segments) -> list[tuple[str, Array]]:
     """Return stops and turns in order, with their stretches."""
     cuts = np.flatnonzero(np.diff(segments.stop)) + 1
     parts = np.split(np.arange(len(segments.stop)), cuts)

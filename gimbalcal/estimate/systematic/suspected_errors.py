@@ -49,10 +49,10 @@ def limitation_sentences(m: SystematicFit, sigmas: Array) -> list[str]:
 
 def suspected_error(m: SystematicFit) -> str:
     """Return the likeliest input error behind a lack of fit as a clause; empty where none is likely."""
-    return suspect_noise(m.segments) or suspect_clock_or_latitude(m) or _lever_arm(m) or _bias_instability(m.segments)
+    return _suspect_noise(m.segments) or _suspect_clock_or_latitude(m) or _lever_arm(m) or _bias_instability(m.segments)
 
 
-def suspect_noise(segments: Segments) -> str:
+def _suspect_noise(segments: Segments) -> str:
     """Suspect a stated noise that is below the scatter at the stops."""
     for k, (sensor, unit) in ((0, ("accelerometer", "m/s^2")), (3, ("gyroscope", "rad/s"))):
         stated, shown = float(segments.sigma[k]), float(np.sqrt(np.mean(segments.shown[k : k + 3] ** 2)))
@@ -64,21 +64,21 @@ def suspect_noise(segments: Segments) -> str:
     return ""
 
 
-def suspect_clock_or_latitude(m: SystematicFit) -> str:
+def _suspect_clock_or_latitude(m: SystematicFit) -> str:
     """Suspect the clock or the latitude, where the recording so corrected and fitted again is explained."""
-    stated = chi2_excess(m)
+    stated = _chi2_excess(m)
     if stated < MIN_EXCESS:
         return ""
 
     def misfit(correction: Correction) -> float:
         again = iterate(segment(correction.corrected(m.segments.source)), m.wanted, m.base_effects)
-        return chi2_excess(again) / stated if again.converged else np.inf
+        return _chi2_excess(again) / stated if again.converged else np.inf
 
     tried = successful_trials(_corrections(m), misfit, sufficient=MAX_SHARE)
     return next((trial.candidate.words for trial in tried if trial.misfit <= MAX_SHARE), "")
 
 
-def chi2_excess(m: SystematicFit) -> float:
+def _chi2_excess(m: SystematicFit) -> float:
     """Return by how much chi^2 of all innovations is above its degrees of freedom."""
     used = m.segments.believed
     return float(max(m.last.calibrated.distance[used].sum() - 3 * np.count_nonzero(used), 0.0))

@@ -18,9 +18,9 @@ from gimbalcal.diagnose.laws import law_claims
 from gimbalcal.diagnose.laws.expressions import Expression, terms_of_variable
 from gimbalcal.diagnose.laws.law_claims import (
     _evidence_without_two_groups,
+    _rival_laws,
     _visible_columns,
     causes_replaced_by_a_formula,
-    rival_laws,
     separating_manoeuvre,
 )
 from gimbalcal.diagnose.laws.law_curve import _held_out
@@ -467,7 +467,7 @@ def test_a_formula_that_spans_a_cause_is_no_rival_of_it():
     other = made.fit.residual[:, :, None]  # all that there is to explain
 
     def rivals(columns):
-        return rival_laws(made, [SimpleNamespace(columns=columns)], {name})
+        return _rival_laws(made, [SimpleNamespace(columns=columns)], {name})
 
     assert not rivals(own)
     assert not rivals(np.concatenate([own, other], axis=2))

@@ -20,8 +20,8 @@ from gimbalcal.diagnose.laws.expressions import (
     terms_of_variable,
 )
 from gimbalcal.diagnose.laws.law_claims import chosen_law
+from gimbalcal.diagnose.laws.law_file import _with_numbers as printed_form
 from gimbalcal.diagnose.laws.law_file import law_as_written
-from gimbalcal.diagnose.laws.law_file import with_numbers as printed_form
 from gimbalcal.diagnose.laws.law_search import (
     BlockResponse,
     Ground,
@@ -247,7 +247,7 @@ def test_smooth_constants_are_refined_to_the_largest_likelihood_in_few_evaluatio
     _, law = curved(30.0)
     begun = law("onset", 0.0, 21.5, 2.0)
     calls = counted(monkeypatch, "means_of")
-    found = law_search.refined_expression(begun.response, begun.expression)
+    found = law_search._refined_expression(begun.response, begun.expression)
     assert len(calls) < 45
     lattice = [begun.expression.at([(0, 0, c), (0, 1, p)])
                for c in np.linspace(21.8, 22.2, 41) for p in np.linspace(1.4, 1.8, 41)]  # fmt: skip

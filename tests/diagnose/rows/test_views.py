@@ -15,7 +15,7 @@ from gimbalcal.progress import no_progress
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.norm import inverted, norm
 from gimbalcal.views.pointing import pointing
-from gimbalcal.views.tilting_table import BLOCK_S, block_means, tilting_table
+from gimbalcal.views.tilting_table import BLOCK_S, means_over_duration, tilting_table
 from tests.diagnose.small import telescope
 
 G = 9.8
@@ -185,7 +185,7 @@ def test_a_lever_on_a_table_is_known_by_its_centrifugal_and_euler_forces():
 def test_blocks_are_means_and_a_last_short_one_is_left_out():
     r = tilting()
     r = r.select(slice(0, 1150))
-    made = block_means(r, BLOCK_S)
+    made = means_over_duration(r, BLOCK_S)
     assert len(made.time) == 11
     np.testing.assert_allclose(made.time, np.arange(11) + 0.495)
     np.testing.assert_allclose(made.weight, 100.0)

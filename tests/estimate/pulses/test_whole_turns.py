@@ -13,7 +13,7 @@ def test_derivatives_are_those_of_the_complex_step():
     rngs = generators(1, range(2))
     turns = gyroscope_revolutions(gyroscope_truth(rngs), rngs, 0.01)
     K0 = initial_scale((turns.clockwise - turns.counterclockwise)[:, :, 0], 2 * turns.angle)
-    data = rotations.in_units_of_angle(turns, K0, turns.angle / turns.duration)
+    data = rotations._in_units_of_angle(turns, K0, turns.angle / turns.duration)
     x = np.tile(np.r_[np.ones(3), np.full(9, 1e-3)], (2, 1))
     r, J = rotations._residuals(x, data, turns, True)
     size = np.abs(J).max()
