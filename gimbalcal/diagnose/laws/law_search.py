@@ -328,9 +328,11 @@ def _extended_and_refined(scored: list[Scored], share: int) -> list[tuple[Target
     richer, refined = [0, 0, 0], [0, 0, 0]
     for _, target, e in sorted(scored, key=lambda f: -f[0]):
         n = len(e.terms) - 1
-        if richer[n] < EXTENDED_COUNTS[n] // share and (more := richer_forms(e, len(target.places) > 1)):
+        if richer[n] < EXTENDED_COUNTS[n] // share and richer_forms(e, several := len(target.places) > 1):
             richer[n] += 1  # of those that may become something else
-            scored += _best_families([[target]], more)[0]
+            # A pulse begins at the frequency of its wave, and being flat between its jumps is not led to a better one.
+            begun = _refined_expression(target.response, e)
+            scored += _best_families([[target]], richer_forms(begun, several))[0]
     out = list[tuple[Target, Expression]]()
     for _, target, e in sorted(scored, key=lambda f: -f[0]):
         n = len(e.terms) - 1

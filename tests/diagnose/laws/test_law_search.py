@@ -230,6 +230,31 @@ def test_a_jump_is_put_in_the_middle_of_where_the_data_allow_it():
     assert jump.expression.terms[0].constants[0] == pytest.approx((below + beyond) / 2, abs=0.2 * (beyond - below))
 
 
+@pytest.mark.parametrize("cycles", [3.25, 3.75, 4.25, 5.25])
+def test_a_square_wave_between_the_frequencies_of_the_grid_is_found_to_the_noise(cycles):
+    """Half cycles are on the grid; from there a pulse, flat between its jumps, ends at 2.4 to 3.9 times the noise."""
+    n, t = 120, np.linspace(0.0, 3600.0, 120)
+    v = Variable("time", "s", t, "", "time", 1800.0, 0.0)
+    place = Place("specific_force", "x", (v,), rich("multi-position"), np.arange(n), lambda X: X[:, None, :])
+    Q = np.ones((n, 1)) / np.sqrt(n)
+    wave = np.sign(np.cos(2 * np.pi * cycles * t / 3600.0 + 0.3))
+    noise = np.random.default_rng(1).standard_normal(n)
+
+    def cleared(x):
+        return x - Q @ (Q.T @ x)
+
+    def explained(X):
+        return np.linalg.qr(cleared(X))[0].T @ y
+
+    y = cleared(4.0 * wave + noise)
+    g = Ground((place,), lambda X: X.reshape(n, -1), Q, y,
+               lambda sets: np.array([(explained(X.reshape(n, -1)) ** 2).sum() / 2 for X in sets]), (n, 1))  # fmt: skip
+    best = laws_of([g], products=False)[0][0]
+    assert best.expression.terms[0].form.key == "pulse"
+    left = (y**2).sum() - (explained(best.columns.reshape(n, -1)) ** 2).sum()
+    assert left < 1.1 * (cleared(noise) ** 2).sum()
+
+
 def counted(monkeypatch, name):
     """The calls of a method of `BlockResponse`, as they are made."""
     calls, method = [], getattr(BlockResponse, name)
