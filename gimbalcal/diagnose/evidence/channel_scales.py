@@ -39,7 +39,7 @@ ACTIVE_NATS = 6.0  # nats behind the likeliest scales of a cause within which th
 PROMISING_NATS = 30.0  # nats behind the strongest cause within which the scales of a cause are followed
 NEGLIGIBLE_NATS = 8.0  # nats behind the likeliest scales of every such cause beyond which a node is dropped
 MAX_NODES = 150
-PRODUCTS = ("zz", "zx", "zy", "xx", "xy", "yy")
+PRODUCTS = ("zz", "zx", "zy", "xy", "yy")  # in one array for all channels
 
 
 def contrasts(C: int) -> Array:
@@ -115,7 +115,8 @@ def distinguishable(misfit: Array, dof: Array) -> bool:
 class ChannelProducts:
     """Products of whitened rows [Z | X | y] of each channel by itself, in a noise of which the scales are open.
 
-    zz (C, q, q), zx (C, q, P), zy (C, q, m), xx (C, P (P + 1) / 2), xy (C, P, m), yy (C, m); n rows of each channel.
+    zz (C, q, q), zx (C, q, P), zy (C, q, m), xx (P (P + 1) / 2,) of each channel, xy (C, P, m), yy (C, m); n rows of
+    each channel.
     """
 
     node: Node
@@ -124,7 +125,7 @@ class ChannelProducts:
     zz: Array
     zx: Array
     zy: Array
-    xx: Array
+    xx: tuple[Array, ...]
     xy: Array
     yy: Array
 
@@ -139,7 +140,7 @@ class ChannelProducts:
         zz, zx, zy, xy = A[:, :q, :q], A[:, :q, q:end], A[:, :q, end:], A[:, q:end, end:]
         yy = np.diagonal(A[:, end:, end:], axis1=1, axis2=2)
         zz, zx, zy, xy, yy = (part.copy() for part in (zz, zx, zy, xy, yy))  # all of A need not be kept
-        return cls(node, channels, len(rows) // C, zz, zx, zy, xx, xy, yy)
+        return cls(node, channels, len(rows) // C, zz, zx, zy, tuple(xx), xy, yy)
 
     def cleared(self, log_scales: Array) -> tuple[Array, Array, Array, Array]:
         """Return weights (C,), the root L (q, q) of Z^T W Z, and misfit and degrees of freedom (C,) of each channel."""
@@ -203,8 +204,9 @@ def products_of_noises(nodes: Sequence[Node], rows: Array, q: int, P: int, chann
 
     def picked(node: Node) -> ChannelProducts:
         parts = [of[id(part)] for part in node.channels]
-        each = (np.stack([getattr(p, name)[c] for c, p in enumerate(parts)]) for name in PRODUCTS)
-        return ChannelProducts(node, channels, parts[0].n, *each)
+        zz, zx, zy, xy, yy = (np.stack([getattr(p, name)[c] for c, p in enumerate(parts)]) for name in PRODUCTS)
+        xx = tuple(p.xx[c] for c, p in enumerate(parts))  # some MB each: not copied
+        return ChannelProducts(node, channels, parts[0].n, zz, zx, zy, xx, xy, yy)
 
     return [picked(node) if node.channels else of[id(node)] for node in nodes]
 

@@ -22,29 +22,32 @@ def triangle_size(P: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Gram:
-    """A symmetric matrix (P, P): the lower triangle row by row, less `taken` times its transpose."""
+    """A symmetric matrix (P, P), a weighted sum of lower triangles row by row, less `taken` times its transpose."""
 
-    triangle: Array  # (P (P + 1) / 2,), or more where there is room for further columns; (C, ...) if weights (C,)
+    triangles: tuple[Array, ...]  # (P (P + 1) / 2,) each, or more where there is room for further columns
     taken: Array  # (P, a)
-    weights: Array | None = None  # of the triangles of several channels, where the matrix is their weighted sum
+    weights: Array | None = None  # (triangles,), of which None means the only one as it is
 
     @classmethod
     def of(cls, G: Array, room: Array | None = None) -> Gram:
         """That of a whole matrix (P, P), its triangle in `room` if that is given."""
-        empty = cls(np.empty(triangle_size(len(G))) if room is None else room, np.zeros((0, 0)))
+        empty = cls((np.empty(triangle_size(len(G))) if room is None else room,), np.zeros((0, 0)))
         return empty.grown(G)
 
     def grown(self, more: Array) -> Gram:
         """Return the matrix with further columns, whose products (p, P + p) with all are put behind its own."""
         P, p = len(self.taken), len(more)
-        self.triangle[triangle_size(P) : triangle_size(P + p)] = more[np.tri(p, P + p, P, dtype=bool)]
-        return Gram(self.triangle, np.zeros((P + p, 0)))
+        self.triangles[0][triangle_size(P) : triangle_size(P + p)] = more[np.tri(p, P + p, P, dtype=bool)]
+        return Gram(self.triangles, np.zeros((P + p, 0)))
 
     def products(self, i: Array, j: Array) -> Array:
         """Products (..., v, w) of columns i (..., v) with columns j (..., w)."""
         upper, lower = np.maximum(i[..., :, None], j[..., None, :]), np.minimum(i[..., :, None], j[..., None, :])
         at = upper * (upper + 1) // 2 + lower
-        gram = self.triangle[at] if self.weights is None else np.tensordot(self.weights, self.triangle[:, at], 1)
+        gram = self.triangles[0][at]
+        if self.weights is not None:
+            others = zip(self.weights[1:], self.triangles[1:], strict=True)
+            gram = sum((w * t[at] for w, t in others), self.weights[0] * gram)
         if not self.taken.shape[1]:
             return gram
         return np.asarray(gram - self.taken[i] @ np.swapaxes(self.taken[j], -1, -2))

@@ -130,7 +130,7 @@ def project_all(
     """
     if rows.scale.channels is not None and not any(n.scales for n in nodes):
         return _of_channel_scales(nodes, rows, rows.scale.channels, layout)
-    if before and triangle_size(rows.P) <= len(before[0].G.triangle):
+    if before and triangle_size(rows.P) <= len(before[0].G.triangles[0]):
         return tuple(_grown_projection(p, rows) for p in before)
     room = np.empty((len(nodes), triangle_size(rows.P + SPARE_COLUMNS)))
     return tuple(project(node, rows, own) for node, own in zip(nodes, room, strict=True))
