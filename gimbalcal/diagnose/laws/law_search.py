@@ -16,6 +16,7 @@ evidence is that of all outputs together, so that a law too weak in each of them
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -51,7 +52,7 @@ WEIGHED_EXPRESSIONS = 60  # expressions whose evidence is worked out in full
 REFINED_COUNTS = (20, 16, 4)  # of these, the best of one, two and three terms are refined in their constants
 EXTENDED_COUNTS = (6, 6, 0)  # of these, richer forms are tried in the place of theirs
 SHARE_OF_TRIADS = 3  # by which these numbers are divided for laws of all axes
-ROUNDS = 70  # steps of a refinement of what jumps for each constant
+LATTICE_SIZES = 0.75 ** np.arange(12)  # of the first step of a constant, from one refinement of a jump to the next
 DIFFERENCE = 1e-4  # of the first step of a constant: for derivatives
 SETTLED, GAIN, MOST_STEPS = 1e-3, 1e-6, 30  # of the first step, and of the misfit, at which a refinement has arrived
 CHUNK = 100  # families at a time
@@ -610,22 +611,23 @@ def _refined_expression(response: BlockResponse, e: Expression) -> Expression:
     if not moves:
         return e
     jumps = any(e.terms[m.i].form.key in JUMPS for m in moves)
-    other = _moved_expression(e, moves, (_by_simplex if jumps else _by_derivatives)(response, e, moves))
+    other = _moved_expression(e, moves, (_by_lattice if jumps else _by_derivatives)(response, e, moves))
     return other if _likelihood_gain(response, other) > _likelihood_gain(response, e) else e
 
 
-def _by_simplex(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:
-    """Return the best constants of what jumps, which has no derivatives."""
-    from scipy.optimize import minimize
+def _by_lattice(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:
+    """Return the best constants of what jumps, which has no derivatives, on a lattice about the best that shrinks.
 
-    def cost(u: Array) -> float:
-        return -_likelihood_gain(response, _moved_expression(e, moves, u))
-
-    begun, steps = np.zeros(len(moves)), np.array([m.step for m in moves])
-    simplex = np.concatenate([begun[None], np.diag(steps)])
-    found = minimize(cost, begun, method="Nelder-Mead", options={
-        "maxfev": ROUNDS * len(moves), "initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-2})  # fmt: skip
-    return np.asarray(found.x)
+    Its steps are of one constant or of two, as the phase of a pulse follows its frequency.
+    """
+    steps = np.array([m.step for m in moves])
+    signs = np.array([d for d in itertools.product((0, 1, -1), repeat=len(moves)) if np.count_nonzero(d) <= 2])
+    best = np.zeros(len(moves))
+    for size in LATTICE_SIZES:
+        tried = best + size * steps * signs
+        columns = np.stack([response.means_of(_moved_expression(e, moves, u)) for u in tried], axis=-1)
+        best = tried[int(np.argmax(likelihood_gains(response, columns).sum(axis=0)))]
+    return best
 
 
 def _by_derivatives(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:
