@@ -18,8 +18,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -128,6 +127,8 @@ class ChannelProducts:
     xx: tuple[Array, ...]
     xy: Array
     yy: Array
+    likeliest: tuple[Array, float] | None = None
+    """The ln scales (C,) that the model leaves, and a step of the lattice; None where channels have none."""
 
     @classmethod
     def of(cls, node: Node, rows: Array, q: int, P: int, channels: Channels) -> ChannelProducts:
@@ -142,35 +143,11 @@ class ChannelProducts:
         zz, zx, zy, xy, yy = (part.copy() for part in (zz, zx, zy, xy, yy))  # all of A need not be kept
         return cls(node, channels, len(rows) // C, zz, zx, zy, tuple(xx), xy, yy)
 
-    def cleared(self, log_scales: Array) -> tuple[Array, Array, Array, Array]:
-        """Return weights (C,), the root L (q, q) of Z^T W Z, and misfit and degrees of freedom (C,) of each channel."""
-        w = np.exp(-2 * log_scales)
-        L = np.linalg.cholesky(np.tensordot(w, self.zz, 1))
-        K = np.linalg.solve(L.T, np.linalg.solve(L, w @ self.zy[:, :, 0]))
-        inverse = np.linalg.inv(L)
-        share = w * np.einsum("ji,cik,jk->c", inverse, self.zz, inverse)
-        misfit = w * (self.yy[:, 0] - 2 * self.zy[:, :, 0] @ K + np.einsum("i,cij,j->c", K, self.zz, K))
-        return w, L, misfit, self.n - share
-
     @property
     def alike(self) -> Array:
         """The ln scales (C,) at which all channels scatter alike."""
         own = np.log(self.channels.scale)
         return np.asarray(own.mean() - own)
-
-    @cached_property
-    def likeliest(self) -> tuple[Array, float] | None:
-        """The ln scales (C,) that the model leaves, and a step of the lattice; None where channels have none."""
-        log_scales = self.alike
-        if dict(self.node.name).get("memory", 0.0) > self.channels.max_memory:
-            return None
-        for _ in range(ROUNDS):
-            *_, misfit, dof = self.cleared(log_scales)
-            if not distinguishable(misfit * np.exp(2 * log_scales), dof):
-                return None
-            log_scales = log_scales + 0.5 * np.log(misfit / dof)
-            log_scales -= log_scales.mean()
-        return log_scales, STEP / math.sqrt(2 * float(dof.max()))
 
     def noise(self, at: tuple[int, ...] | None) -> tuple[Node, Array]:
         """Return the noise of a node of the lattice, or where all channels scatter alike, and its ln scales (C,)."""
@@ -186,7 +163,8 @@ class ChannelProducts:
 
     def projected(self, log_scales: Array) -> tuple[Gram, Array, Array, float]:
         """Return the products of columns, their scores (P, m), the misfit (m,), cleared of Z, and ln |Z^T W Z|."""
-        w, L, *_ = self.cleared(log_scales)
+        w = np.exp(-2 * log_scales)
+        L = np.linalg.cholesky(np.tensordot(w, self.zz, 1))
         K = np.linalg.solve(L, np.tensordot(w, self.zx, 1))
         Ky = np.linalg.solve(L, np.tensordot(w, self.zy, 1))
         G = Gram(self.xx, K.T, w)
@@ -208,7 +186,30 @@ def products_of_noises(nodes: Sequence[Node], rows: Array, q: int, P: int, chann
         xx = tuple(p.xx[c] for c, p in enumerate(parts))  # some MB each: not copied
         return ChannelProducts(node, channels, parts[0].n, zz, zx, zy, xx, xy, yy)
 
-    return [picked(node) if node.channels else of[id(node)] for node in nodes]
+    return _with_likeliest_scales([picked(node) if node.channels else of[id(node)] for node in nodes])
+
+
+def _with_likeliest_scales(every: Sequence[ChannelProducts]) -> list[ChannelProducts]:
+    """Return the products of noises (N,) with the scales that the model leaves in each, of all in one go."""
+    if not every:
+        return []
+    zz, zy, yy = np.stack([p.zz for p in every]), np.stack([p.zy[..., 0] for p in every]), [p.yy[:, 0] for p in every]
+    channels, n = every[0].channels, every[0].n
+    log_scales = np.tile(every[0].alike, (len(every), 1))
+    shown = np.array([dict(p.node.name).get("memory", 0.0) <= channels.max_memory for p in every])
+    for _ in range(ROUNDS):
+        w = np.exp(-2 * log_scales)
+        inverse = np.linalg.inv(np.linalg.cholesky(np.einsum("nc,ncij->nij", w, zz)))
+        covariance = np.swapaxes(inverse, 1, 2) @ inverse
+        K = np.einsum("nij,nc,ncj->ni", covariance, w, zy)
+        variance = yy - 2 * np.einsum("nci,ni->nc", zy, K) + np.einsum("ni,ncij,nj->nc", K, zz, K)
+        dof = n - w * np.einsum("nij,ncij->nc", covariance, zz)
+        shown &= [distinguishable(v, d) for v, d in zip(variance, dof, strict=True)]
+        found = 0.5 * np.log(np.divide(variance, dof, out=np.ones_like(dof), where=shown[:, None]))
+        log_scales = found - found.mean(axis=1, keepdims=True)
+    step = STEP / np.sqrt(2 * dof.max(axis=1))
+    each = zip(every, log_scales, step, shown, strict=True)
+    return [replace(p, likeliest=(own, float(width))) if visible else p for p, own, width, visible in each]
 
 
 Place = tuple[int, tuple[int, ...] | None]

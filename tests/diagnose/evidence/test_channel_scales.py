@@ -219,3 +219,17 @@ def test_noises_that_share_the_part_of_a_channel_share_the_products_of_its_colum
     one, other = products_of_noises([first, second], rows, 2, 3, channels)
     assert np.shares_memory(one.xx[0], other.xx[0])
     assert not np.shares_memory(one.xx[1], other.xx[1])
+
+
+def test_the_likeliest_scales_of_a_noise_are_those_at_which_each_channel_scatters_as_much_as_stated():
+    rows, channels = np.random.default_rng(5).standard_normal((2 * n, 6)), Channels((1.0, 2.0))
+    rows[1::2, -1] *= 3.0
+    every = noises_of_channels(n, 2)
+    some = [every[k] for k in (0, 7, 100, len(every) - 1)]
+    for node, made in zip(some, products_of_noises(some, rows, 2, 3, channels), strict=True):
+        log_scales, _ = made.likeliest
+        scaled = (node.whiten(rows).reshape(n, 2, 6) / np.exp(log_scales)[:, None]).reshape(2 * n, 6)
+        Q = np.linalg.qr(scaled[:, :2])[0]
+        left = (scaled[:, -1] - Q @ (Q.T @ scaled[:, -1])).reshape(n, 2)
+        scatter = np.sqrt((left**2).sum(axis=0) / (n - (Q**2).sum(axis=1).reshape(n, 2).sum(axis=0)))
+        assert scatter[1] / scatter[0] == pytest.approx(1.0, abs=1e-3)
