@@ -132,7 +132,7 @@ class ChannelProducts:
 
     @classmethod
     def of(cls, node: Node, rows: Array, q: int, P: int, channels: Channels) -> ChannelProducts:
-        """Form the products of rows [Z | X | y] (n C, q + P + m)."""
+        """Form the products of rows [Z | X | y] (n C, q + P + m), without the likeliest scales."""
         C, end = len(channels.scale), q + P
         A = node.products_of_channels(rows, C)
         xx = np.empty((C, triangle_size(P)))
@@ -190,9 +190,7 @@ def products_of_noises(nodes: Sequence[Node], rows: Array, q: int, P: int, chann
 
 
 def _with_likeliest_scales(every: Sequence[ChannelProducts]) -> list[ChannelProducts]:
-    """Return the products of noises (N,) with the scales that the model leaves in each, of all in one go."""
-    if not every:
-        return []
+    """Return the products of several noises with the scales that the model leaves in each, iterated for all at once."""
     zz, zy, yy = np.stack([p.zz for p in every]), np.stack([p.zy[..., 0] for p in every]), [p.yy[:, 0] for p in every]
     channels, n = every[0].channels, every[0].n
     log_scales = np.tile(every[0].alike, (len(every), 1))
@@ -207,9 +205,10 @@ def _with_likeliest_scales(every: Sequence[ChannelProducts]) -> list[ChannelProd
         shown &= [distinguishable(v, d) for v, d in zip(variance, dof, strict=True)]
         found = 0.5 * np.log(np.divide(variance, dof, out=np.ones_like(dof), where=shown[:, None]))
         log_scales = found - found.mean(axis=1, keepdims=True)
-    step = STEP / np.sqrt(2 * dof.max(axis=1))
-    each = zip(every, log_scales, step, shown, strict=True)
-    return [replace(p, likeliest=(own, float(width))) if visible else p for p, own, width, visible in each]
+    return [
+        replace(p, likeliest=(own, STEP / math.sqrt(2 * float(free.max())))) if visible else p
+        for p, own, free, visible in zip(every, log_scales, dof, shown, strict=True)
+    ]
 
 
 Place = tuple[int, tuple[int, ...] | None]

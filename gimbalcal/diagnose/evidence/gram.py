@@ -26,7 +26,7 @@ class Gram:
 
     triangles: tuple[Array, ...]  # (P (P + 1) / 2,) each, or more where there is room for further columns
     taken: Array  # (P, a)
-    weights: Array | None = None  # (triangles,), of which None means the only one as it is
+    weights: Array | None = None  # (triangles,) in the sum; None where there is one triangle
 
     @classmethod
     def of(cls, G: Array, room: Array | None = None) -> Gram:
