@@ -75,10 +75,11 @@ def compare_models(
     laws, (g, nodes) = max(found, key=lambda own: max((law.evidence for law in own[0]), default=-np.inf))
     likely = () if alone else _likely_causes(ranked)
     known = [(h, tuple(with_cause(s, ranked.within(h.members, k)) for k, s in enumerate(searches))) for h in likely]
-    beside = [(h, with_known, own) for h, with_known in known if (own := common_ground(with_known, nodes)) is not None]
+    grounds = [(h, with_known, own) for h, with_known in known if (own := common_ground(with_known, nodes)) is not None]
+    of_each = laws_of([own for *_, own in grounds], products=False)
     others = [
         Beside(own, more, ranked.library.candidates[h.members[0]], h.ln_weight, with_known)
-        for (h, with_known, own), more in zip(beside, laws_of([own for *_, own in beside], products=False), strict=True)
+        for (h, with_known, own), more in zip(grounds, of_each, strict=True)
     ]
     more = weighed_in(g, [law for other in others for law in other.laws[:1]])
     best = Beside(g, sorted([*laws, *more], key=lambda law: -law.evidence), searches=tuple(searches))

@@ -30,7 +30,7 @@ from gimbalcal.diagnose.evidence.scale import Free
 from gimbalcal.diagnose.evidence.stated_noise import coloured_row_count
 from gimbalcal.diagnose.library.assemble import assemble_library as library_of
 from gimbalcal.diagnose.library.candidates import Candidate, Layout, Library, SelectedCause
-from gimbalcal.diagnose.search.refine import with_finer_constants
+from gimbalcal.diagnose.search.refine import refine_candidates
 from gimbalcal.diagnose.search.refit import channels_of
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.inference.algebra import logsumexp, orthonormal_columns
@@ -236,9 +236,7 @@ def search(fit: Fit, candidates: Library | None = None, nodes: Sequence[Node] = 
         # What the least noise of the grid hides, all of them hide.
         library = _visible_candidates(library, projections[0])
     factors = bayes_factors(projections, library.layout)
-    finer = (
-        with_finer_constants(fit, library, projections, *factors[1:], rows) if fit.view.noise.scale_known else library
-    )
+    finer = refine_candidates(fit, library, projections, *factors[1:], rows) if fit.view.noise.scale_known else library
     if finer is not library:
         rows = append_columns(rows, library.X, finer.X[:, library.X.shape[1] :])
         projections, library = project_all(nodes, rows, projections), finer

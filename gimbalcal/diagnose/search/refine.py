@@ -28,7 +28,7 @@ SECANTS = 8  # steps of size and calibration together; they settle in three or f
 BRANCHES = 3  # positions at which the sign of a force may turn out to be the other one
 
 
-def with_finer_constants(
+def refine_candidates(
     o: Fit, library: Library, projections: Sequence[Projection], total: Array, joint: Array, rows: ReducedRows
 ) -> Library:
     """Add finer values of the non-linear constants around the best of each promising candidate."""
