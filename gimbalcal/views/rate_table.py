@@ -9,6 +9,9 @@ with delta how the unit is turned on the table, one sigma of `MOUNTING_SIGMA_RAD
 the Earth's rate, its vertical part known by the latitude where accelerometers tell how the table stands, its horizontal
 part unknown in heading; without accelerometers all of it is unknown. A tilt of the mounting shortens the rate along a
 sensor's axis by its cosine. These are nuisances of the view.
+
+A calibration takes whole stretches; a diagnosis takes parts of them, which show what follows the angle of the table or
+happens within a stretch.
 """
 
 from __future__ import annotations
@@ -39,6 +42,8 @@ from gimbalcal.views.noise import NoiseModel, of_channels
 from gimbalcal.views.rest_rates import CHANNELS, MIN_RATE_SIGMA, horizontal_sigma
 
 BLOCK_S = 0.5  # s of a mean rate: no lag between readout and gyroscopes matters, and readouts hardly scatter
+PART_TURN = np.radians(10.0)  # rad of a part of a stretch, which is no longer than a block
+MAX_PARTS = 1000  # of a recording, unless there are as many stretches
 MAX_RATE_CHANGE = 0.005  # of the fastest rate, from one block to the next
 MIN_RATE = np.radians(0.1)  # rad/s; a table that never turns faster stands
 MOUNTING_SIGMA_RAD = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
@@ -52,10 +57,12 @@ RATE_TABLE = Measurement(
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Stretches of one recording: reading less rate (m, 3), its sigma, rate (m, 3), C_bp, and middle time (m,) [s].
+    """Stretches of one recording, or parts of them: reading less rate (m, 3), its sigma, rate (m, 3), C_bp, and middle
+    time (m,) [s].
 
-    up: the vertical (3,) in the axes of the base, None where no accelerometers tell it. logged: mean (m,) of
-    temperature and other channels.
+    number (m,): of the stretch, from 1. angle (m, k): mean readouts [rad] of parts. up: the
+    vertical (3,) in the axes of the base, None where no accelerometers tell it. logged: mean (m,) of temperature and
+    other channels.
     """
 
     reading: Array
@@ -63,14 +70,18 @@ class Stretches:
     rate: Array
     attitude: Array
     time: Array
+    number: Array
+    angle: Array | None
     up: Array | None
     logged: Mapping[Key, Array]
 
 
-def stretches_of(r: Recording) -> Stretches:
-    """Means over blocks in which the table turns as steadily as before and after, joined where they follow.
+def stretches_of(r: Recording, divided: bool = False) -> Stretches:
+    """Return means over blocks in which the table turns as steadily as before and after, joined where they follow.
 
-    Raises InputError for a recording that is too short, or in which nothing turns, or never steadily.
+    divided: into parts, which show what follows the angle of the table or happens within a stretch; their sigma is
+    then that of one against the next. Raises InputError for a recording that is too short, or in which nothing turns,
+    or never steadily.
     """
     step = usual_step(r)
     n = max(2, round(BLOCK_S / step))
@@ -105,20 +116,76 @@ def stretches_of(r: Recording) -> Stretches:
             f"{r.title!r}: the table never turns steadily for {4 * BLOCK_S:g} s; hold each rate for ten seconds, or "
             "use --method attitude for motion that goes on"
         )
-    off = mean - rate
-    inside = np.concatenate([off[g] - off[g].mean(0) for g in groups])
-    white = np.sqrt((inside**2).sum(0) / max(len(inside) - len(groups), 1))
-    middle = starts + n // 2
-    spans = [slice(starts[g[0]], starts[g[-1]] + n) for g in groups]
+    ends = np.array([(starts[g[0]], starts[g[-1]] + n) for g in groups])
+    number = np.arange(1, len(ends) + 1)
+    off = [mean[g] - rate[g] for g in groups]
+    if divided:
+        ends, number = _parts(ends, number, r.time, np.array([np.linalg.norm(rate[g].mean(0)) for g in groups]))
+    first, last = ends.T
+    length = r.time[last] - r.time[first]
+    turned = np.concatenate([0 * turn[:1], np.cumsum(turn, axis=0)])
+    of_table = (turned[last] - turned[first]) / length[:, None]
+    difference = (total[last] - total[first]) / length[:, None] - of_table
+    if divided:
+        parts = np.split(difference, np.flatnonzero(np.diff(number)) + 1)
+        means = [*parts, *off]
+        sigma = _sigma_of_means(means, np.concatenate([length, np.full(sum(map(len, off)), n * step)]), length)
+    else:
+        inside = np.concatenate([x - x.mean(0) for x in off])
+        white = np.sqrt((inside**2).sum(0) / max(len(inside) - len(groups), 1))
+        sigma = white * np.sqrt(n / (last - first))[:, None]
+    spans = [slice(*end) for end in ends]
     return Stretches(
-        np.array([off[g].mean(0) for g in groups]),
-        np.array([white / np.sqrt(len(g)) for g in groups]),
-        np.array([rate[g].mean(0) for g in groups]),
+        difference,
+        sigma,
+        of_table,
         np.array([C[span].mean(0) for span in spans]),
-        np.array([r.time[middle[g]].mean() for g in groups]),
+        (r.time[first] + r.time[last]) / 2,
+        number,
+        _mean_angles(r.angles(), spans) if divided else None,
         _vertical_in_base(r),
         {key: np.array([x[span].mean() for span in spans]) for key, x in r.channels.items() if key[0] in FOLLOWED},
     )
+
+
+def _parts(ends: Array, number: Array, time: Array, rate: Array) -> tuple[Array, Array]:
+    """Return first and last rows (m, 2) of equal parts of stretches between `ends` (k, 2), and the stretch of each.
+
+    A part is no longer than a block and turns, at a rate (k,) [rad/s], by no more than `PART_TURN`; of long recordings
+    by so much more that there are `MAX_PARTS`.
+    """
+    length = time[ends[:, 1]] - time[ends[:, 0]]
+    wanted = length * np.maximum(1 / BLOCK_S, rate / PART_TURN)
+    count = np.ceil(wanted * min(1.0, MAX_PARTS / wanted.sum())).astype(int)
+    count = np.minimum(count, np.diff(ends)[:, 0])  # a row each at the least
+    cuts = [np.linspace(a, b, k + 1).astype(int) for (a, b), k in zip(ends.tolist(), count, strict=True)]
+    parts = np.concatenate([np.stack([c[:-1], c[1:]], axis=-1) for c in cuts])
+    return parts, np.repeat(number, count)
+
+
+def _sigma_of_means(series: Sequence[Array], lengths: Array, length: Array) -> Array:
+    r"""Return one sigma (m, 3) of means of each length (m,) [s], by how successive means of series (k, 3) differ.
+
+    .. math:: \sigma^2(T) = a / T + b / T^2 \geq 0
+
+    of white noise of the gyroscopes and of the readouts, of which a mean rate holds the difference of two. lengths: of
+    the means of all series, one after the other.
+    """
+    from scipy.optimize import nnls
+
+    square = np.concatenate([np.diff(x, axis=0) ** 2 / 2 for x in series])
+    inner = np.concatenate([np.arange(len(x)) < len(x) - 1 for x in series])
+    T = lengths[inner]
+    design = np.stack([np.ones(len(T)), 1 / T], axis=-1)  # of sigma^2 T, which is of one size
+    found = np.array([nnls(design, own * T)[0] for own in square.T])
+    return np.sqrt(found @ np.stack([1 / length, 1 / length**2])).T
+
+
+def _mean_angles(angle: Array, spans: Sequence[slice]) -> Array:
+    """Return mean angles (m, k) of readouts (n, k) [rad] in spans, in the turn in which the middle row is read."""
+    mean = np.array([np.unwrap(angle[span], axis=0).mean(0) for span in spans])
+    middle = angle[[(span.start + span.stop) // 2 for span in spans]]
+    return np.asarray(mean - 2 * np.pi * np.round((mean - middle) / (2 * np.pi)))
 
 
 def _constant_rate_blocks(group: Array, rate: Array, tolerance: float) -> list[Array]:
@@ -157,6 +224,7 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
     still = replace(first.select(slice(0, 1)), platform=BENCH, position=None)
     time = np.concatenate([s.time - r.time[0] for r, s in zip(recordings, stretches, strict=True)])
     count = [len(s.time) for s in stretches]
+    number = np.concatenate([s.number + sum(x.number[-1] for x in stretches[:k]) for k, s in enumerate(stretches)])
     session = np.repeat(np.arange(len(count)), count) if len(count) > 1 else None  # nobody knows the time between them
     every = [key for key in stretches[0].logged if all(key in s.logged for s in stretches)]
     logged = {key: np.concatenate([s.logged[key] for s in stretches]) for key in every}
@@ -165,6 +233,10 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
         temperature=logged.get(("temperature", "")),
         covariates={name: x for (quantity, name), x in logged.items() if quantity == "covariate"},
     )
+    angles = [s.angle for s in stretches if s.angle is not None]
+    if len(angles) == len(stretches) and len({p.axis_names for p in platforms}) == 1:
+        angle = np.concatenate(angles)
+        felt = felt.at(angle=angle, readout=angle, axis_names=platforms[0].axis_names)
     y, names = np.concatenate(reading), ("horizontal rate",) * 2 + ("mounting",) * 3
     of_each = [nuisance(name, str(k + 1), "1", 1.0) for k in range(len(recordings)) for name in names]
     names = ("vertical rate", "foreshortening", *names[2:])
@@ -184,8 +256,8 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
         RATE_TABLE, channels=CHANNELS, **{**recording_fields(first), "time": time, "session": session},
         stimulus=felt,
         evaluate=rows_about, stages=GYROSCOPE_STAGES, baseline=(*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS),
-        groups=np.arange(len(rate)), nuisances=(*of_each, *of_rigs),
-        gauge=gyroscope_parameters_without(felt, shown), label=np.arange(1, len(rate) + 1),
+        groups=number - 1, nuisances=(*of_each, *of_rigs),
+        gauge=gyroscope_parameters_without(felt, shown), label=number,
         noise=NoiseModel(sigma, sample=sigma, wander=of_channels(len(sigma), 3), of_each_channel=True),
     )  # fmt: skip
 

@@ -49,6 +49,39 @@ def test_a_law_of_rate_and_temperature_is_found_and_calibrated():
     assert d.calibration.residual.rms["angular_rate"] < 1.3 * clean_rms(21)
 
 
+def with_added(r, axis, value):
+    """Return a recording with `value` [rad/s] of the time and the angle of the table added to a gyroscope."""
+    key = ("angular_rate", axis)
+    return r.with_channels({key: r.channels[key] + value(r.time, r.channels["gimbal_angle", "table"])})
+
+
+@pytest.mark.parametrize(("waves", "seed"), [(1, 22), (8, 23)])
+def test_a_pattern_in_the_angle_of_the_table_is_found(waves, seed):
+    """The table turns many times in a stretch of steady turning."""
+    size = 5e-3 * np.pi / 180
+    (law,) = diagnose([with_added(run("z", seed), "x", lambda _, a: size * np.cos(waves * a + 0.4))]).laws
+    assert (law.axis, law.variables) == ("x", ("table",))
+    amplitude = np.hypot(*[p.value for p in law.parameters]) * np.pi / 648000
+    assert amplitude == pytest.approx(size, rel=0.15)
+
+
+def test_an_event_within_a_stretch_is_found_where_it_begins():
+    r = with_added(run("z", 24), "y", lambda t, _: 2e-2 * np.pi / 180 * (t > 60) * np.exp(-np.maximum(t - 60, 0) / 20))
+    (law,) = diagnose([r]).laws
+    assert (law.axis, law.variables) == ("y", ("time",))
+    assert float(law.expression.split("time - ")[1].split(")")[0]) == pytest.approx(60, abs=2)
+
+
+@pytest.mark.parametrize("seed", [9, 21])
+def test_a_slow_random_walk_of_all_gyroscopes_is_no_drift(seed):
+    r = run("z", 70_000 + seed)
+    walk = np.cumsum(np.random.default_rng(seed).standard_normal((3, len(r.time))), axis=1) / len(r.time) ** 0.5
+    rates = {
+        ("angular_rate", a): r.channels["angular_rate", a] + 2e-3 * np.pi / 180 * walk[i] for i, a in enumerate("xyz")
+    }
+    assert diagnose([r.with_channels(rates)]).verdict == "adequate"
+
+
 def clean_rms(seed):
     """The residual of the same table without the law, SI."""
     d = diagnose([run("z", seed)])

@@ -19,6 +19,8 @@ MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)  # from row to row, where nobody states
 MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
 WANDER = (0.8, 0.95, 0.99)  # memory of what sensors wander from row to row; the last is next to a walk
 WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
+MANY_ROWS = 200  # beyond which they together show what is too small to show in any one
+SLOW_WANDER, SMALL_SHARE = (0.99, 0.998), (0.03, 0.1, 0.3)  # memory and share of such a wander, next to a walk
 WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
 POLES = (
     (0.0, 0.0), (0.5, 0.0), (0.7, 0.3), (0.7, 0.5), (0.85, -0.3), (0.85, 0.0), (0.85, 0.3), (0.85, 0.85),
@@ -49,7 +51,7 @@ def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:
         root = Cascade(_autoregressive_chain(poles[0], n), _autoregressive_chain(poles[1], n))
         name = (("memory", poles[0]), ("second memory", poles[1]))
         every.append(Node(name, {}, 0.0, C * root.log_determinant, root))
-    every += [_wandering_covariance(of_channels(n, C), rho, share) for rho, share in SLOW_BESIDE_WHITE]
+    every += [_wandering_covariance(of_channels(n, C), rho, share, 0.0) for rho, share in SLOW_BESIDE_WHITE]
     every = [replace(node, prior=1 / len(every)) for node in every]
     return tuple(every if C == 1 else (Node.of_channels(parts) for parts in itertools.product(every, repeat=C)))
 
@@ -63,20 +65,22 @@ def noises_of_unknown_scale(n: int, C: int, rows: Array | None = None) -> tuple[
     for rho, prior in zip(MEMORY, MEMORY_PRIOR, strict=True):
         root = chain(first_order(rho), np.arange(float(n)))
         out.append(Node((("memory", rho),), {}, others * prior, C * root.log_determinant, root, 1 - rho**2))
-    return (
-        *out,
-        *(_wandering_covariance(rows, rho, share) for rho in WANDER for share in WANDER_SHARE if rows is not None),
-    )
+    if rows is None:
+        return tuple(out)
+    wanders = [
+        *itertools.product(WANDER, WANDER_SHARE),
+        *(itertools.product(SLOW_WANDER, SMALL_SHARE) if n > MANY_ROWS else ()),
+    ]
+    return (*out, *(_wandering_covariance(rows, rho, share, WANDERS / len(wanders)) for rho, share in wanders))
 
 
-def _wandering_covariance(rows: Array, rho: float, share: float) -> Node:
+def _wandering_covariance(rows: Array, rho: float, share: float, prior: float) -> Node:
     r"""Sensors that wander, of columns `rows` (n, C, m): :math:`V = (1 - a) I + a \, H K_\rho H^T`, a their share."""
     n, _, m = rows.shape
     process = first_order(rho)
     h, still = np.append(np.inf, np.ones(n - 1)), np.zeros(n, dtype=bool)  # all of it is new in the first row
     Phi, Q = (np.repeat(x, m, axis=1) for x in (process.transition(h, still), process.diffusion(h, still)))
     root = whitening(Phi, Q, np.sqrt(share / (1 - share)) * rows).of_scale(np.sqrt(1 - share))
-    prior = WANDERS / len(WANDER) / len(WANDER_SHARE)
     return Node((("memory", rho), ("share", share)), {}, prior, root.log_determinant, root, 1 - share * rho**2)
 
 

@@ -249,11 +249,11 @@ def _pattern_entry(m: Fit, c: Candidate, F: float, p: float) -> Mismatch:
     v = m.view
     if v.added is not None:  # in a sensor, and the rows are what a navigator makes of it
         size = float(from_si(float(np.sqrt(np.mean(m.residual**2))), v.unit))
-        rows = np.argsort(-np.abs(v.noise.weighted(m.residual)).max(axis=1))[:3]
+        rows = _rows_off_most(v, np.abs(v.noise.weighted(m.residual)).max(axis=1))
         words = diagnosis_sentences.follows_sensor(v, c.channel, c.axis, size, c.rival)
         return Mismatch(c.channel, c.axis, _place_of_rows(v, rows), round(F, 2), p, words)
     i, size = _channel(m, c.axis)
-    rows = np.argsort(-np.abs(m.residual[:, i]))[:3]
+    rows = _rows_off_most(v, np.abs(m.residual[:, i]))
     words = diagnosis_sentences.pattern_sentence(v, c.axis, size, c.rival)
     return Mismatch(v.channels[0][0], c.axis, _place_of_rows(v, rows), round(F, 2), p, words)
 
@@ -263,11 +263,18 @@ def largest_misfit(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
     v, square = m.view, ((m.residual / sigma) ** 2).mean(axis=0)
     axis = v.channels[int(np.argmax(square))][1]
     i, size = _channel(m, axis)
-    rows = np.argsort(-np.abs(m.residual[:, i]))[:3]
+    rows = _rows_off_most(v, np.abs(m.residual[:, i]))
     ratio = float(square[i])
     p = min(1.0, probability(ratio * len(m.residual), len(m.residual)) * len(v.channels))
     words = diagnosis_sentences.largest_misfit_sentence(v, axis, size, float(np.sqrt(ratio)), rows)
     return (Mismatch(v.channels[0][0], axis, _place_of_rows(v, rows), round(ratio, 2), p, words),)
+
+
+def _rows_off_most(v: View, size: Array) -> Array:
+    """Return the three rows of largest size (n,), of rows that have one number the largest."""
+    order = np.argsort(-size)
+    first = slice(None) if v.label is None else np.sort(np.unique(v.label[order], return_index=True)[1])
+    return np.asarray(order[first][:3])
 
 
 def _channel(m: Fit, axis: str) -> tuple[int, float]:

@@ -96,6 +96,7 @@ class OnTable:
     scale (3,): rad/s per unit of the readings; stretches: how many each recording has.
     """
 
+    recordings: tuple[Recording, ...]
     view: View
     linear: ViewsFit
     unseen: tuple[Parameter, ...]
@@ -110,7 +111,7 @@ class OnTable:
 
     @property
     def view_in_scatter(self) -> View:
-        """Return the view with mountings and the Earth's rate eliminated in the scatter about the linear model.
+        """Return parts of the stretches with mountings and the Earth's rate eliminated in the scatter about the model.
 
         Raises InputError where the stretches are too few to tell their scatter.
         """
@@ -119,15 +120,19 @@ class OnTable:
                 f"{self.view.title!r} holds {number_of(sum(self.stretches), 'stretch', 'stretches')} of steady "
                 "turning, too few to tell how they scatter: turn at more rates, both ways round"
             )
-        return replace(self.view.without_nuisances(self.linear.sigma[0]), readout=self.readout)
+        parts = on_a_table(self.recordings, divided=True)
+        return replace(parts.view.without_nuisances(parts.linear.sigma[0]), readout=self.readout)
 
 
-def on_a_table(recordings: Sequence[Recording]) -> OnTable:
-    """Return gyroscopes on a table with their linear model. Raises InputError as `gyroscopes_on_a_table`."""
+def on_a_table(recordings: Sequence[Recording], divided: bool = False) -> OnTable:
+    """Return gyroscopes on a table with their linear model. Raises InputError as `gyroscopes_on_a_table`.
+
+    divided: whether rows are parts of stretches of steady turning, which show what happens within them.
+    """
     refuse_twice(recordings)
     for r in recordings:
         refuse_unlike_table(r)
-    each = [stretches_of(r) for r in recordings]
+    each = [stretches_of(r, divided) for r in recordings]
     scale = _nominal_scales([r.counted(RATE) for r in recordings], each)
     view = rate_table(recordings, each, scale, np.eye(3))
     wanted, unseen = _seen_parameters(view)
@@ -138,7 +143,7 @@ def on_a_table(recordings: Sequence[Recording]) -> OnTable:
     )
     M = rate_matrix(scale_factor, turned * _share_of_unit(turned[turned != 0]))
     view = rate_table(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
-    return OnTable(view, _fit(view, wanted), unseen, scale, tuple(len(s.time) for s in each))
+    return OnTable(tuple(recordings), view, _fit(view, wanted), unseen, scale, tuple(s.number[-1] for s in each))
 
 
 def _share_of_unit(misalignments: Array) -> float:
