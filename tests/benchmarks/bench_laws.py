@@ -12,8 +12,8 @@ are of all chosen runs that are.
 Laws that the design of their rig cannot determine are counted apart: of them the alternatives are to be said, and an
 answer in their place is none that can be judged.
 
-Classes: right (right variables, and the second recording is predicted to 4 sigmas or a tenth of the law; or known
-causes that leave no more of it when they are fitted); close (to
+Classes: right (right variables, and the second recording is predicted to 4 sigmas or a tenth of the law, beyond what
+the law itself leaves of it at a noisy thermometer; or known causes that leave no more when they are fitted); close (to
 three tenths); table (no closed form, predicted to three tenths); poor (a law that predicts less); shape (unexplained,
 no law); unsure cause (named below p = 0.5); wrong cause (at p >= 0.5); adequate.
 
@@ -179,10 +179,15 @@ def predicted(run: Run, laws: list[dict[str, Any]], size: float, named: list[tup
     return out
 
 
+def beyond_itself(row: dict[str, Any]) -> float:
+    """Sigmas that laws leave of a second recording beyond what the law itself leaves at noisy readings."""
+    return float(np.sqrt(max(row["with"] ** 2 - row["itself"] ** 2, 0.0)))
+
+
 def judged(law: Hidden, row: dict[str, Any]) -> str:
     """The class of an answer."""
     if row["laws"]:
-        left, whole = row["with"], max(row["without"], 1e-9)
+        left, whole = beyond_itself(row), max(row["without"], 1e-9)
         if TABLE.search(row["laws"][0][1]):
             return "table" if left < max(MOST_LEFT, 0.3 * whole) else "poor"
         if follows(law, row) and left < max(MOST_LEFT, 0.1 * whole):

@@ -20,7 +20,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -67,6 +67,8 @@ SAME_CORRELATION = 0.999  # correlation from which two expressions are one in th
 UNUSUAL_NATS = 1.5
 RARE_FORMS = ("pulse", "sawtooth", "rectified", "ring", "cyclic", "rising", "falling", "growth")
 JUMPS = ("pulse", "sawtooth", "above", "window")
+ROUNDS = 4  # in which thresholds and the other constants of an expression are refined by turns, while these
+MIN_GAIN = 0.1  # nats are gained
 PROBE_STEPS = 2.0 ** -np.arange(0.0, 8.0, 0.5)  # of the first step of a constant, where its likelihood is looked at
 MIN_NATS_OF_COLUMN = 3.0  # nats that a column of a law has to explain to be kept, at each of its places
 LEAST_VARIANCE = 1e-6  # that a law leaves, of the noise without it
@@ -601,18 +603,32 @@ def _moved_expression(e: Expression, moves: Sequence[_Move], u: Sequence[float] 
 
 
 def _refined_expression(response: BlockResponse, e: Expression) -> Expression:
-    """The expression with its constants where they take away most."""
+    """Return the expression with its constants where they take away most.
+
+    Where it begins and how it goes on from there depend on each other, so that both are refined by turns.
+    """
+    gain = _likelihood_gain(response, e)
+    for _ in range(ROUNDS):
+        before, e = gain, _with_moved_thresholds(response, e)
+        moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
+        if moves:
+            jumps = any(e.terms[m.i].form.key in JUMPS for m in moves)
+            other = _moved_expression(e, moves, (_by_lattice if jumps else _by_derivatives)(response, e, moves))
+            e = max(e, other, key=partial(_likelihood_gain, response))
+        gain = _likelihood_gain(response, e)
+        if gain - before < MIN_GAIN or all(c.kind != "fixed" for t in e.terms for c in t.form.constants):
+            break
+    return e
+
+
+def _with_moved_thresholds(response: BlockResponse, e: Expression) -> Expression:
+    """Return the expression with each of its thresholds where it takes away most, one after the other."""
     for i, k in [(i, k) for i, t in enumerate(e.terms) for k in range(len(t.constants))]:
         near = TermGroup((e.terms[i], *moved_threshold(e.terms[i], k)))
         family = tuple(near if n == i else TermGroup((t,)) for n, t in enumerate(e.terms))
         best = int(np.argmax(likelihood_gains(response, response.means(family)).sum(axis=0)))
         e = e.replaced((*e.terms[:i], near.terms[best], *e.terms[i + 1 :]))
-    moves = [_Move(e, i, j) for i, j, _ in e.smooth()]
-    if not moves:
-        return e
-    jumps = any(e.terms[m.i].form.key in JUMPS for m in moves)
-    other = _moved_expression(e, moves, (_by_lattice if jumps else _by_derivatives)(response, e, moves))
-    return other if _likelihood_gain(response, other) > _likelihood_gain(response, e) else e
+    return e
 
 
 def _by_lattice(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:
