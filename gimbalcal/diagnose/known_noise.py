@@ -23,6 +23,7 @@ from gimbalcal.diagnose.laws.law_claims import (
     MIN_EXPLAINED,
     Lawful,
     beyond_walk,
+    law_beyond_shapes,
     law_of_misfit,
     leave_more_than_noise,
     misheld_sentences,
@@ -128,6 +129,8 @@ def diagnose_known_noise(
     if walk is not None and walk.part is PartOfWalk.INSTEAD:  # unless a deterministic law is as probable as the walk
         none, law, odds = beyond_walk(without_walks, walk, seed, progress)
         return _view_diagnosis(case, without_walks, none, law).against_walk(walk, odds)
+    if d.verdict == "adequate" and (law := law_beyond_shapes(c, claim_threshold(clean), seed, progress)).laws:
+        return _view_diagnosis(case, c, replace(decide_unnamed(c), shapes=()), law)
     diagnosis = _view_diagnosis(case, c, d)
     formulas = partial(_by_formulas, case, c, d, diagnosis.fit) if walk is None else None
     return diagnosis.tested(formulas).with_part_of_walk(walk)

@@ -64,8 +64,19 @@ def scale_to_scatter(o: Fit) -> Fit:
     else:
         scale = plain
     scaled = in_units_of(o, scale)
-    noise = replace(scaled.view.noise, kurtosis=kurtosis, weights=weight)
+    noise = replace(scaled.view.noise, kurtosis=kurtosis, weights=weight, scatter=scale)
     return replace(scaled, view=replace(scaled.view, noise=noise))
+
+
+def nats_beyond_stated_scatter(o: Fit) -> float:
+    """Return the ln likelihood that the scatter of the rows gains over the stated one, of the channel that gains most.
+
+    Zero where rows scatter less than was stated, or do not tell.
+    """
+    if o.view.noise.scatter is None:
+        return 0.0
+    square = np.maximum(o.view.noise.scatter, 1.0) ** 2
+    return float(len(o.residual) * np.max(square - 1 - np.log(square)) / 2)
 
 
 def _rows_within_blocks(o: Fit) -> Array:

@@ -33,6 +33,7 @@ SLOW_WAVES = 16  # half turns over the range of a variable other than time
 ORDERS = 8  # harmonics of an angle at the most
 PLACES, WIDTHS = 9, (0.04, 0.12, 0.35)  # of steps and bumps, in shares of the range of a variable
 SAME_VARIABLE_SHARE = 0.9999  # share of the variance of a variable that another says, from which they are one
+NEAR_ZERO = 0.03  # of the range of a force or a rate, beyond which knots near zero are further and further apart
 KNOTS, KNOTS_OF_PRODUCT = (4, 6, 9, 13, 19), 6  # of a table, and of one in a product at the most
 CYCLIC = 3  # harmonics of a cycle of any shape
 MIN_SINE = 0.05  # sine of an angle, below which its cosecant is none of a mount
@@ -500,19 +501,29 @@ def term_triples(every: Sequence[Sequence[Term]]) -> list[Family]:
 def free_tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[Family]:
     """Return free functions of each variable, as tables between knots; where asked for, times a force or a rate too.
 
-    They stand for what no closed form says. Knots are even in the ranks of the values, so that each has data.
+    They stand for what no closed form says. Knots are even in the mean of rank and value, so that each has data though
+    a unit rests half of the time; those of forces and rates also closer to zero, where what sticks or locks acts.
     """
     out = list[Family]()
     plain = [TermGroup((Term(replace(u, x=u.x[rows]), FORMS["x"], (), 1),)) for u in vs if u.group in ("force", "rate")]
     for v in (v for v in vs if v.group != "move"):
         here = replace(v, x=v.x[rows])
-        for n in KNOTS:
-            knots = np.unique(np.quantile(v.x, np.linspace(0, 1, n)))
-            if len(knots) == n and np.diff(knots).min() > 1e-3 * np.ptp(v.x):
-                table = TermGroup((Term(here, FORMS["table"], tuple(knots.tolist()), len(KNOTS)),))
+        for n, spread in itertools.product(KNOTS, _spreads_of_knots(v)):
+            knots = np.interp(np.linspace(spread[0], spread[-1], n), spread, np.sort(v.x))
+            if np.diff(knots).min() > 1e-3 * np.ptp(v.x):
+                table = TermGroup((Term(here, FORMS["table"], tuple(knots.tolist()), 2 * len(KNOTS)),))
                 out.append((table,))
                 if products and v.group in CENTRED_GROUPS and n <= KNOTS_OF_PRODUCT:
                     out += [(table, u) for u in plain]
+    return out
+
+
+def _spreads_of_knots(v: Variable) -> list[Array]:
+    """Return what knots are even in, of the values (n,) of a variable in order."""
+    x = np.sort(v.x)
+    out = [np.linspace(0, 1, len(x)) + (x - x[0]) / (np.ptp(x) or 1.0)]
+    if v.group in ("force", "rate"):
+        out.append(np.arcsinh(x / (NEAR_ZERO * np.ptp(x) or 1.0)))
     return out
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, SEPARATION_EVIDENCE, UNKNOWN
-from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
+from gimbalcal.diagnose.evidence.stated_noise import nats_beyond_stated_scatter, nominal_noise
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.grounds import with_law
 from gimbalcal.diagnose.laws.law_curve import with_curves
@@ -163,6 +163,20 @@ def beyond_walk(
     law = law_of_misfit(common, none, seed, progress)
     none = none if law.laws or common.ln_total >= CLAIM else replace(none, shapes=())
     return none, *against_walk(law, walk, repeat_advice(common.searches[0].fit.view.kind.stabilised))
+
+
+def law_beyond_shapes(ranked: Ranking, needed: float, seed: int, progress: Progress) -> Lawful:
+    """Return a formula for what exceeds the stated noise although no cause and no shape is likely, or none.
+
+    A fast wave in a logged channel resembles no smooth shape, and the scatter of the rows or another noise absorbs it.
+    The formula needs the prior odds of an unknown cause. needed: the ln Bayes factor that clean recordings of this
+    design reach.
+    """
+    beyond_scatter = max(nats_beyond_stated_scatter(s.fit) for s in ranked.searches)
+    if max(beyond_scatter, noise_gain(ranked, ())) < CLAIM:
+        return Lawful()
+    law = law_of_misfit(ranked, decide_unnamed(ranked), seed, progress)
+    return law if law.ln_total + np.log(UNKNOWN) >= max(CLAIM, needed) else Lawful()
 
 
 def against_walk(law: Lawful, walk: RandomWalkFinding, advice: str) -> tuple[Lawful, float]:
