@@ -18,19 +18,21 @@ def by_spelling(spellings: Mapping[str, str]) -> dict[str, str]:
     return {spelling: meaning for meaning, all_of_it in spellings.items() for spelling in all_of_it.split()}
 
 
-# Words of English, German and French, as `plain_name` leaves them.
+# Words of English, German, French, Italian, Portuguese and Spanish, as `plain_name` leaves them.
 _TIME = re.compile(
     r"^(time|times|timestamp|timestamps|stamp|clock|date_time|date|datetime|utc|zeit|zeitstempel|messzeit|uhrzeit|temps|heure"
-    r"|hora|tiempo|ora|tijd|epoch|mjd|jd|yday|doy|jday|decimal_day|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds"
+    r"|hora|tiempo|tempo|ora|tijd|epoch|mjd|jd|yday|doy|jday|decimal_day|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds"
     r"|millis|milliseconds|micros|microseconds|nanos|nanoseconds|ms|us|ns|s|elapsed|seconds_elapsed)(_|$)"
 )
 _FORCE_WORDS = (
     "linear_acceleration|lin_acc|linacc|accelerometer_acceleration|accelerometer|acceleration|accelero|accel|accl|acc"
-    "|beschleunigung|beschl|specific_force|spezifische_kraft|force|kraft|fs|fb|gf|f|a"
+    "|beschleunigung|beschl|aceleracion|aceleracao|acelerometro|accelerazione|accelerometro|accelerometre"
+    "|specific_force|spezifische_kraft|force|kraft|fs|fb|gf|f|a"
 )
 _RATE_WORDS = (
     "angular_velocity|angular_rate|ang_vel|angvel|ang_v|ang_rate|gyro_rotation|rotation_rate|rot_rate|gyroscope|gyro|gyr|omega"
-    "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|rate|om|rot|wb|w|g"
+    "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|velocidad_angular|velocidade_angular|velocita_angolare"
+    "|giroscopio|gyrometre|giro|rate|om|rot|wb|w|g"
 )
 _QUALIFIERS = (
     "smooth|adc|raw|filtered|filt|unfilt|lpf|data|out|output|mean|avg|average|mittel|sensor|val|value|meas|imu"
@@ -315,9 +317,9 @@ def by_turn(name: str) -> Guess | None:
 def quantity_of_log(stem: str) -> str:
     """Return the quantity that a log is called after: "Gyroscope.csv" holds rates, whatever its columns are."""
     words = plain_name(stem)
-    if re.search(r"gyr|drehrate|angular", words):
+    if re.search(r"gyr|giro|drehrate|angular|angolare", words):
         return RATE
-    return FORCE if re.search(r"acc|beschl|gravity|force", words) else ""
+    return FORCE if re.search(r"acc|acel|beschl|gravity|force", words) else ""
 
 
 def _time(words: str) -> str | None:

@@ -15,6 +15,7 @@ import scipy.io
 from gimbalcal.errors import InputError
 from gimbalcal.guess.attitude import quaternions
 from gimbalcal.guess.clocks import spread_stamps
+from gimbalcal.guess.column_names import by_name, quantity_of_log
 from gimbalcal.guess.column_values import by_order, by_similar_names, quantum
 from gimbalcal.guess.log import Log
 from gimbalcal.guess.message_log import leaves_of_object
@@ -44,6 +45,25 @@ PREAMBLES = (
     "// Scenario: 4.9\n// Firmware: 2.5\n",
     "Device;IMU\nSerial;00123\n\nDATA_START\n",
 )
+
+
+@pytest.mark.parametrize(
+    ("force", "rate"),
+    [
+        ("Accelerazione X [m/s^2]", "Giroscopio X [deg/s]"),
+        ("aceleración_x", "velocidad angular x"),
+        ("Aceleração_X", "velocidade_angular_x"),
+        ("Accéléromètre x", "vitesse angulaire x"),
+        ("acc_x_g", "giro_x_dps"),
+    ],
+)
+def test_triads_are_known_by_their_names_in_other_languages(force, rate):
+    """Gyroscopes called giro were left out beside their accelerometers."""
+    assert [(g.quantity, g.axis) for g in (by_name(force), by_name(rate))] == [
+        ("specific_force", "x"), ("angular_rate", "x"),
+    ]  # fmt: skip
+    assert by_name("Tempo [ms]").quantity == "time"
+    assert (quantity_of_log("acelerometro_1"), quantity_of_log("giroscopio")) == ("specific_force", "angular_rate")
 
 
 def dialect(path, seed, t, f, w):
