@@ -139,6 +139,11 @@ GRADES: Mapping[str, Grade] = MappingProxyType({
 """By name, the best first."""
 
 
+def most_of_any_unit(p: Parameter, duration_s: float) -> float:
+    """Return the size [SI] beyond which no unit of any grade, recorded for so many seconds, has a parameter."""
+    return drift_rate_factor(CATALOGUE[p.effect], duration_s) * max(grade.most(p) for grade in GRADES.values())
+
+
 def grade_named(name: str) -> Grade:
     """Return the grade of this name. Raises InputError, with the names, where there is none."""
     if name not in GRADES:

@@ -28,6 +28,7 @@ from gimbalcal.diagnose.verdict.separation import advise_manoeuvre
 from gimbalcal.diagnose.verdict.verify import held_out_misfit, row_sigma
 from gimbalcal.effects import CATALOGUE, Parameter, values
 from gimbalcal.effects.effect import constants
+from gimbalcal.effects.sensor_grades import most_of_any_unit
 from gimbalcal.errors import InputError
 from gimbalcal.inference.algebra import orthonormal_columns
 from gimbalcal.inference.information import keeps_prior
@@ -38,6 +39,7 @@ from gimbalcal.words.diagnosis_sentences import cause_in_words, separation_advic
 from gimbalcal.words.naming import without_underscores
 
 SERIES = 3.0  # times the whole misfit, that one of several causes may be
+IMPOSSIBLE_SIGMAS = 3.0  # by which a size is beyond that of any unit
 SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
 
 
@@ -54,12 +56,13 @@ def confirm_causes(c: SearchResult, progress: Progress) -> tuple[SearchResult, l
     if not c.steps and not c.shapes:
         c = _search_with_replacement(c, (), refused, progress)
     while True:
-        if series := cancelling_causes(c):
-            progress(
-                f"{', '.join(cause.label for cause, _ in series)}: larger than the whole misfit, as terms of a series"
-            )
-            refused |= {cause.key for cause, _ in series}
-            c = _search_with_replacement(c, [cause for cause in c.causes if cause not in series], refused, progress)
+        oversized, why = cancelling_causes(c), "larger than the whole misfit, as terms of a series"
+        if not oversized:
+            oversized, why = impossible_causes(c), "larger than in a unit of any grade"
+        if oversized:
+            progress(f"{', '.join(cause.label for cause, _ in oversized)}: {why}")
+            refused |= {cause.key for cause, _ in oversized}
+            c = _search_with_replacement(c, [cause for cause in c.causes if cause not in oversized], refused, progress)
             continue
         progress("comparing each cause with what else could stand in its place")
         try:
@@ -137,6 +140,18 @@ def cancelling_causes(c: SearchResult) -> list[SelectedCause]:
         if np.linalg.norm(added - Q @ (Q.T @ added)) > SERIES * np.linalg.norm(misfit):
             out.append((cause, variant))
     return out
+
+
+def impossible_causes(c: SearchResult) -> list[SelectedCause]:
+    """Return causes of a size that no unit of any grade has: where a fit needs such a size, another law holds.
+
+    Forces that turn by a few degrees from row to row say of |f| what a memory of half the force says.
+    """
+    m, sigma = c.end, np.sqrt(np.diag(c.end.covariance))
+    excess = np.abs(values(m.effects, m.parameters)) - IMPOSSIBLE_SIGMAS * sigma
+    duration_s = float(np.ptp(m.view.stimulus.time))
+    beyond = {p.label for p, x in zip(m.parameters, excess, strict=True) if x > most_of_any_unit(p, duration_s)}
+    return [this for this in c.causes if beyond & {p.label for p in this[0].parameters}]
 
 
 def judged_in_turn(c: SearchResult) -> list[Judgement]:

@@ -10,8 +10,16 @@ from gimbalcal.diagnose.result import Estimate, Finding
 from gimbalcal.diagnose.search.refit import refit, start_with_baseline, with_constants
 from gimbalcal.diagnose.search.stepwise import result_of
 from gimbalcal.diagnose.verdict import findings
-from gimbalcal.diagnose.verdict.findings import cancelling_causes, drifts_as_one, finding_of_view, judged_in_turn
+from gimbalcal.diagnose.verdict.findings import (
+    cancelling_causes,
+    confirm_causes,
+    drifts_as_one,
+    finding_of_view,
+    impossible_causes,
+    judged_in_turn,
+)
 from gimbalcal.diagnose.verdict.judgement import Judgement
+from gimbalcal.effects.sensor_grades import GRADES
 from gimbalcal.errors import InputError
 from gimbalcal.progress import no_progress
 from gimbalcal.units import to_si
@@ -149,6 +157,23 @@ def test_terms_of_a_series_are_no_causes(law, series):
     taken = [known[label] for label in ("refraction", "encoder_two_cycle:elevation", "encoder_eccentricity:elevation")]
     c = result_of(first, [(cause, cause.variants[0]) for cause in taken])
     assert {cause.label for cause, _ in cancelling_causes(c)} == ({t.label for t in taken[1:]} if series else set())
+
+
+@pytest.mark.parametrize(("memory", "impossible"), [(0.05, True), (4e-3, False)])
+def test_a_size_that_no_unit_has_is_no_cause(memory, impossible):
+    """A creep of 477000 ug/g was named on means of a unit that hardly turned from one to the next."""
+    s = 0.25 * np.arange(150)  # 14 deg from one mean to the next
+    up = np.stack([np.cos(s) * np.cos(0.13 * s), np.sin(s), np.cos(s) * np.sin(0.13 * s)], axis=1)
+    r, before = poses(up, np.random.default_rng(5), spoilt=1e-3), np.maximum(np.arange(150) - 2, 0)
+    forces = {k: y + memory * (y[before] - y) for k, y in r.channels.items()}
+    v = norm(replace(r, channels=forces, grade=GRADES["consumer"]), ("bias", "scale_factor", "misalignment"))
+    first = start_with_baseline(v)
+    remembers = next(c for c in causes_of(first.view, first) if c.label == "two_move_memory:x, y, z")
+    c = result_of(first, [(remembers, remembers.variants[0])])
+    assert [cause.effect for cause, _ in impossible_causes(c)] == ["two_move_memory"] * impossible
+    if impossible:
+        _, verdicts = confirm_causes(c, no_progress)
+        assert "two_move_memory" not in {j.cause.effect for j in verdicts}
 
 
 def test_a_cause_is_told_with_the_sizes_of_the_last_model():
