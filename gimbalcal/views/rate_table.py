@@ -83,22 +83,66 @@ def stretches_of(r: Recording, divided: bool = False) -> Stretches:
     then that of one against the next. Raises InputError for a recording that is too short, or in which nothing turns,
     or never steadily.
     """
-    step = usual_step(r)
-    n = max(2, round(BLOCK_S / step))
+    blocks = _blocks(r)
+    C = r.platform.attitude(r.angles())
+    turn = rotation_vector(C[:-1] @ np.swapaxes(C[1:], -1, -2))
+    turned = np.concatenate([0 * turn[:1], np.cumsum(turn, axis=0)])
+    read = integral(r.triad(RATE), r.time)
+
+    def means(ends: Array) -> tuple[Array, Array]:
+        """Return reading less rate, and rate (m, 3), between first and last rows (m, 2)."""
+        first, last = ends.T
+        length = (r.time[last] - r.time[first])[:, None]
+        rate = (turned[last] - turned[first]) / length
+        return (read[last] - read[first]) / length - rate, rate
+
+    of_blocks, rate = means(blocks)
+    groups = _steady_stretches(r, blocks, rate)
+    ends = np.array([(blocks[g[0], 0], blocks[g[-1], 1]) for g in groups])
+    number = np.arange(1, len(ends) + 1)
+    if divided:
+        ends, number = _parts(ends, number, r.time, np.linalg.norm(means(ends)[1], axis=1))
+    difference, of_table = means(ends)
+    length, spans, steady = np.diff(r.time[ends])[:, 0], [slice(*end) for end in ends], [of_blocks[g] for g in groups]
+    if divided:
+        series = [*np.split(difference, np.flatnonzero(np.diff(number)) + 1), *steady]
+        of_series = np.concatenate([length, *(np.diff(r.time[blocks[g]])[:, 0] for g in groups)])
+        sigma = _sigma_of_means(series, of_series, length)
+    else:
+        inside = np.concatenate([x - x.mean(0) for x in steady])
+        white = np.sqrt((inside**2).sum(0) / max(len(inside) - len(groups), 1))
+        sigma = np.array([white / np.sqrt(len(g)) for g in groups])
+    return Stretches(
+        difference,
+        sigma,
+        of_table,
+        np.array([C[span].mean(0) for span in spans]),
+        r.time[ends].mean(axis=1),
+        number,
+        _mean_angles(r.angles(), spans) if divided else None,
+        _vertical_in_base(r),
+        {key: np.array([x[span].mean() for span in spans]) for key, x in r.channels.items() if key[0] in FOLLOWED},
+    )
+
+
+def _blocks(r: Recording) -> Array:
+    """Return first and last rows (b, 2) of blocks, one after the other. Raises InputError where there are none."""
+    n = max(2, round(BLOCK_S / usual_step(r)))
     starts = np.arange(0, len(r.time) - n, n)
     if not len(starts):
         raise InputError(
             f"{r.title!r} is shorter than {BLOCK_S:g} s; turn the table at steady rates for ten seconds each"
         )
-    C = r.platform.attitude(r.angles())
-    y = r.triad(RATE)
-    dt = np.diff(r.time)
-    whole = np.array([dt[s : s + n].max() <= PAUSE_STEPS * step for s in starts])
-    turn = rotation_vector(C[:-1] @ np.swapaxes(C[1:], -1, -2))
-    span = r.time[starts + n] - r.time[starts]
-    rate = np.array([turn[s : s + n].sum(0) for s in starts]) / span[:, None]
-    total = integral(y, r.time)
-    mean = (total[starts + n] - total[starts]) / span[:, None]
+    return np.stack([starts, starts + n], axis=-1)
+
+
+def _steady_stretches(r: Recording, blocks: Array, rate: Array) -> list[Array]:
+    """Return ordinals of the blocks (b, 2), of these rates (b, 3), of each stretch of steady turning.
+
+    Raises InputError where nothing turns, or never steadily.
+    """
+    dt, longest = np.diff(r.time), PAUSE_STEPS * usual_step(r)
+    whole = np.array([dt[first:last].max() <= longest for first, last in blocks])
     fastest = float(np.linalg.norm(rate[whole], axis=1).max(initial=0.0))
     if fastest < MIN_RATE:
         raise InputError(
@@ -116,36 +160,7 @@ def stretches_of(r: Recording, divided: bool = False) -> Stretches:
             f"{r.title!r}: the table never turns steadily for {4 * BLOCK_S:g} s; hold each rate for ten seconds, or "
             "use --method attitude for motion that goes on"
         )
-    ends = np.array([(starts[g[0]], starts[g[-1]] + n) for g in groups])
-    number = np.arange(1, len(ends) + 1)
-    off = [mean[g] - rate[g] for g in groups]
-    if divided:
-        ends, number = _parts(ends, number, r.time, np.array([np.linalg.norm(rate[g].mean(0)) for g in groups]))
-    first, last = ends.T
-    length = r.time[last] - r.time[first]
-    turned = np.concatenate([0 * turn[:1], np.cumsum(turn, axis=0)])
-    of_table = (turned[last] - turned[first]) / length[:, None]
-    difference = (total[last] - total[first]) / length[:, None] - of_table
-    if divided:
-        parts = np.split(difference, np.flatnonzero(np.diff(number)) + 1)
-        means = [*parts, *off]
-        sigma = _sigma_of_means(means, np.concatenate([length, np.full(sum(map(len, off)), n * step)]), length)
-    else:
-        inside = np.concatenate([x - x.mean(0) for x in off])
-        white = np.sqrt((inside**2).sum(0) / max(len(inside) - len(groups), 1))
-        sigma = white * np.sqrt(n / (last - first))[:, None]
-    spans = [slice(*end) for end in ends]
-    return Stretches(
-        difference,
-        sigma,
-        of_table,
-        np.array([C[span].mean(0) for span in spans]),
-        (r.time[first] + r.time[last]) / 2,
-        number,
-        _mean_angles(r.angles(), spans) if divided else None,
-        _vertical_in_base(r),
-        {key: np.array([x[span].mean() for span in spans]) for key, x in r.channels.items() if key[0] in FOLLOWED},
-    )
+    return groups
 
 
 def _parts(ends: Array, number: Array, time: Array, rate: Array) -> tuple[Array, Array]:
