@@ -38,6 +38,7 @@ KNOTS, KNOTS_OF_PRODUCT = (4, 6, 9, 13, 19), 6  # of a table, and of one in a pr
 CYCLIC = 3  # harmonics of a cycle of any shape
 MIN_SINE = 0.05  # sine of an angle, below which its cosecant is none of a mount
 COEFFICIENTS = 8  # of a law that is no table, at the most
+AIR_MASSES = (1.0, 2.0, 4.0)  # powers of the air mass
 ONSETS = (0.5, 1.5, 2.0, 3.0)  # powers behind a threshold
 CHIRPS = (1, 2, 3, 4, 6, 8, 12)  # turns that a chirp gains or loses over the recording
 PULSES, PHASES = np.cos(np.pi * np.arange(1, 8) / 8).tolist(), 24  # levels above which a cosine is a pulse; its phases
@@ -168,6 +169,7 @@ FORMS = {
              (START, Constant("x1", "x", "fixed"))),
         Form("growth", lambda x, tau: [np.exp(x / tau)], ("exp({x}/{0})",), (0,), (TAU,)),
         Form("cosecant", lambda x: [1 / np.sin(x), np.cos(x) / np.sin(x)], ("1/sin({x})", "cos({x})/sin({x})"), (0, 0)),
+        Form("air mass", lambda x, p: [np.abs(np.sin(x)) ** -p], ("Abs(sin({x}))**(-{0})",), (0,), (POWER,)),
         Form("shock", _shock, ("Heaviside({x} - {0})*exp(-Max(0, {x} - {0})/{1})",), (0,), (START, TAU)),
         Form("shaking", _shaking, tuple(f"Heaviside({{x}} - {{0}})*exp(-Max(0, {{x}} - {{0}})/{{1}})*{f}({{2}}*{{x}})"
                                         for f in ("cos", "sin")), (0, 0), (START, TAU, K), True),
@@ -176,7 +178,7 @@ FORMS = {
 }  # fmt: skip
 SINGLE_FORMS = {
     "force": ("x", "x^2", "x^3", "|x|", "power", "beyond", "wave", "above", "step", "knee"),
-    "angle": ("harmonic", "cosecant", "above", "step", "bump", "beyond", "onset", "end"),
+    "angle": ("harmonic", "cosecant", "air mass", "above", "step", "bump", "beyond", "onset", "end"),
     "rate": ("x", "x^2", "x^3", "|x|", "power", "beyond", "above", "step", "knee"),
     "time": ("x", "to x^2", "to x^3", "power", "wave", "rising", "falling", "fade", "log", "ring", "above", "step",
              "knee", "onset", "end", "window", "shock", "bump"),
@@ -428,6 +430,7 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
         "falling": chirps,
         "growth": lambda: [(sign * tau,) for tau in np.geomspace(span / 6, 2 * span, 5) for sign in (1, -1)],
         "cosecant": lambda: [()] if np.abs(np.sin(v.x)).min() > MIN_SINE else [],
+        "air mass": lambda: [(p,) for p in AIR_MASSES] if np.abs(np.sin(v.x)).min() > MIN_SINE else [],
         "onset": lambda: [(c, p) for c in (low - span / 3, *places) for p in ONSETS],
         "end": lambda: [(c, p) for c in (*places, high + span / 3) for p in ONSETS],
         "shock": lambda: [(c, span * part) for c in _threshold_levels(v, s) for part in (0.02, 0.05, 0.12, 0.3)],

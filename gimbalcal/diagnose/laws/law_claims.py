@@ -166,14 +166,15 @@ def beyond_walk(
 
 
 def law_beyond_shapes(ranked: Ranking, needed: float, seed: int, progress: Progress) -> Lawful:
-    """Return a formula for what exceeds the stated noise although no cause and no shape is likely, or none.
+    """Return a formula although no cause and no shape is likely, or none.
 
     A fast wave in a logged channel resembles no smooth shape, and the scatter of the rows or another noise absorbs it.
-    The formula needs the prior odds of an unknown cause. needed: the ln Bayes factor that clean recordings of this
-    design reach.
+    It is sought where that exceeds the stated noise, or none was stated, and needs the prior odds of an unknown cause.
+    needed: the ln Bayes factor that clean recordings of this design reach.
     """
+    stated = all(s.fit.view.kind.measured_by in s.fit.view.source.noise for s in ranked.searches)
     beyond_scatter = max(nats_beyond_stated_scatter(s.fit) for s in ranked.searches)
-    if max(beyond_scatter, noise_gain(ranked, ())) < CLAIM:
+    if stated and max(beyond_scatter, noise_gain(ranked, ())) < CLAIM:
         return Lawful()
     law = law_of_misfit(ranked, decide_unnamed(ranked), seed, progress)
     return law if law.ln_total + np.log(UNKNOWN) >= max(CLAIM, needed) else Lawful()

@@ -463,8 +463,13 @@ def centred_jumps(g: Ground, law: Law) -> Law:
 
 def _jump_constants(e: Expression) -> list[tuple[int, int]]:
     """Return term and constant of what says where an expression jumps, waves of an angle and zero apart."""
-    return [(i, j) for i, t in enumerate(e.terms) if t.form.key in JUMPS and t.variable.group != "course"
-            for j, c in enumerate(t.form.constants) if t.refined(j) or c.of == "x"]  # fmt: skip
+    return [
+        (i, j)
+        for i, t in enumerate(e.terms)
+        if t.variable.group != "course"
+        for j, c in enumerate(t.form.constants)
+        if (c.kind, c.of) == ("fixed", "x") or (t.form.key in JUMPS and t.refined(j))
+    ]
 
 
 def _cost_of_unusual(place: Place, e: Expression) -> float:

@@ -38,7 +38,7 @@ from gimbalcal.diagnose.laws.law_search import (
 from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.units import to_si
 from gimbalcal.views.known_attitude import view_at_known_attitude
-from tests.benchmarks import unknown_hand
+from tests.benchmarks import unknown_hand, unknown_mount
 from tests.diagnose import plant, static_plant, turned_plant
 from tests.test_effects_contract import rich
 
@@ -138,14 +138,24 @@ def test_harmonics_that_the_grid_of_angles_makes_equal_are_alternatives():
     assert any("cos(3*platform)*cos(5*inner)" in other for other in law.alternatives)
 
 
-def test_a_fast_wave_that_no_shape_resembles_is_sought_where_the_stated_noise_is_exceeded():
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_fast_wave_that_no_shape_resembles_is_sought_unless_the_noise_is_as_stated(stated):
     """Fringes of 1.9 degC by a noisy thermometer: another noise absorbs them, and no shape has evidence."""
-    rng = np.random.default_rng(28)
+    rng = np.random.default_rng(29)
     r = static_plant.record(rng, lambda s: np.outer(np.sin(2 * np.pi * s.T / 1.9 + 0.7), [1, 0, 0]), 5 * plant.UG)
     T = r.channels["temperature", ""]
-    d = diagnose([r.with_channels({("temperature", ""): T + 0.15 * rng.standard_normal(len(T))})])
+    r = r.with_channels({("temperature", ""): T + 0.15 * rng.standard_normal(len(T))})
+    d = diagnose([r if stated else replace(r, noise={})])
     (law,) = d.laws
     assert (d.verdict, law.axis, law.variables) == ("unexplained", "x", ("temperature",))
+
+
+def test_a_power_of_the_air_mass_is_more_than_refraction():
+    """Low stars are lifted by its cube, which tan z and tan^3 z of refraction leave 9 of 40 sigma of."""
+    lifted = lambda k: {"sky": np.outer(np.sin(k.inner) ** -3.0, [0.0, 1.0])}  # noqa: E731
+    d = diagnose([unknown_mount.record(7, unknown_mount.Setup(stars=90), ((lifted, 1.2 * unknown_mount.ARCSEC),))])
+    (law,) = d.laws
+    assert (law.axis, law.variables, law.form) == ("elevation", ("elevation",), "a*Abs(sin(elevation))**(-p)")
 
 
 def test_what_acts_in_one_dwell_alone_is_no_law():
@@ -167,8 +177,12 @@ def test_every_form_has_as_many_words_as_columns():
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)
 def test_a_form_is_printed_in_the_units_of_its_coefficients(form):
     """The formula in printed units is the column in SI, with the unit by which its coefficient is divided."""
-    unit = "rad" if form.key in ("harmonic", "cosecant") else "deg/s"  # of angles alone
-    x = np.linspace(0.1, 3.0, 41) if form.key in ("log", "fade", "ring", "cosecant") else np.linspace(-3.0, 3.0, 41)
+    unit = "rad" if form.key in ("harmonic", "cosecant", "air mass") else "deg/s"  # of angles alone
+    x = (
+        np.linspace(0.1, 3.0, 41)
+        if form.key in ("log", "fade", "ring", "cosecant", "air mass")
+        else np.linspace(-3.0, 3.0, 41)
+    )
     n = len(form.constants) or (4 if form.key == "table" else 0)
     constants = tuple(np.linspace(0.5, 2.5, n).tolist())
     t = Term(Variable("rate_z", unit, x, "", "rate"), form, constants, 1)
@@ -250,6 +264,15 @@ def test_a_jump_is_put_in_the_middle_of_where_the_data_allow_it():
     below, beyond = rows[29:31]
     jump = centred_jumps(g, law("above", 50.0, below + 0.01 * (beyond - below)))
     assert jump.expression.terms[0].constants[0] == pytest.approx((below + beyond) / 2, abs=0.2 * (beyond - below))
+
+
+def test_a_shock_begins_in_the_middle_of_where_the_data_allow_it():
+    """Between two rows its size takes up where it begins."""
+    g, law = curved(30.0, lambda T: (T > 22.75) * np.exp(-np.maximum(T - 22.75, 0.0) / 0.5))
+    rows = law("shock", 0.0, 22.0, 0.5).expression.variables[0].x
+    below, beyond = rows[29:31]
+    moved = centred_jumps(g, law("shock", 50.0, below + 0.01 * (beyond - below), 0.5))
+    assert moved.expression.terms[0].constants[0] == pytest.approx((below + beyond) / 2, abs=0.2 * (beyond - below))
 
 
 @pytest.mark.parametrize("cycles", [3.0, 3.25, 3.75, 4.25, 4.5, 5.25, 6.5])
