@@ -104,7 +104,8 @@ def _direction_sigma(turns: Turns, accelerometers: Calibration) -> Array:
 def sizes_in_words(turns: Turns, fit: ViewsFit) -> list[str]:
     """A sentence where what effects make of a small rate is no error of a gyroscope but of its range, unit or axes.
 
-    What the turns hardly determine, because few of them remain, is no reason to doubt a unit.
+    What the turns hardly determine, because few of them remain, is no reason to doubt a unit. Where none of them is
+    about the axis of a gyroscope, what it reads follows from those of the others, and no size of its own is known.
     """
     zero, effects = 0 * turns.stimulus.rate, fit.effects
     sigma = np.array([
@@ -119,6 +120,9 @@ def sizes_in_words(turns: Turns, fit: ViewsFit) -> list[str]:
     i, j = np.unravel_index(int(np.argmax(np.abs(D - np.eye(3)))), (3, 3))
     if abs(D[i, j] - (i == j)) <= MAX_SCALE_ERROR:
         return []
+    if sigma[i] > MAX_SCALE_ERROR:
+        hardly = f"the turns hardly determine the gyroscope {'xyz'[i]}, whose errors are uncertain by {sigma[i]:.0%}"
+        return [f"{hardly} of the rate: turn the unit about that axis too"]
     if i == j:
         return [f"the gyroscope {'xyz'[i]} reads {D[i, i]:.3g} times its rate: {WRONG_RANGE} of its column"]
     return [

@@ -2,13 +2,16 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gimbalcal.effects import values, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR
-from gimbalcal.estimate.gyroscopes.residual_checks import turn_sigma
+from gimbalcal.estimate.gyroscopes.residual_checks import sizes_in_words, turn_sigma
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import fit_turns
 from gimbalcal.estimate.unit import inertial_unit
 from gimbalcal.views.turns import turns_between_rests
 from tests.estimate.gyroscopes.test_between_rests import TRUTH, hand
@@ -101,6 +104,22 @@ def test_a_gyroscope_that_does_not_follow_its_rate_is_told():
     y = turned().triad(RATE) * np.array([1.0, 1.0, 0.0]) + 1e-4 * np.random.default_rng(0).standard_normal((1, 3))
     y[:, 2] += 1e-4 * np.random.default_rng(1).standard_normal(len(y))
     assert "gyroscope" in calibrated(with_rates(y)).outcome
+
+
+@pytest.mark.parametrize(
+    ("sigma", "said"), [(0.22, "turn the unit about that axis too"), (0.02, "correct the range or unit")]
+)
+def test_a_gyroscope_about_whose_axis_nothing_turned_is_not_of_another_range(sigma, said):
+    """On a jig with one axis another gyroscope was said to read nine times its rate, by errors known to 22 %."""
+    turns = turns_between_rests(turned(), calibrated(turned()))
+    fit = fit_turns(turns, LINEAR)
+    x, sigmas = values(fit.effects, fit.parameters), fit.sigmas.copy()
+    at = [(p.effect, p.axis) for p in fit.parameters].index(("gyro_scale_factor", "x"))
+    x[at], sigmas[at] = -0.89, sigma
+    effects = with_values(fit.effects, fit.parameters, x, fit.views[0].stimulus.axis_names)
+    (sentence,) = sizes_in_words(turns, SimpleNamespace(effects=effects, parameters=fit.parameters, sigmas=sigmas))
+    assert said in sentence
+    assert "gyroscope x" in sentence
 
 
 def test_half_of_a_rate_is_the_range_and_no_scale_error():
