@@ -34,6 +34,7 @@ LSB_DEG_S = (1 / 131, 1 / 65.5, 1 / 32.8, 1 / 16.4, 1 / 16, 0.07, 0.035, 0.0175,
 ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are printed, whatever they are
 MAX_UNEVENNESS = 3.0  # nats, between the scatter of the axes of one triad
 MIN_FILLED = 0.9  # of the rows of a column that is looked at
+MIN_STAMPS = 10  # different ones of a clock without a name
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbers
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
@@ -54,7 +55,7 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     columns = {name: x[filled] for name, x in columns.items()} if filled.any() else {}
     growing = [name for name, x in columns.items() if len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]]
     names = [name for name, x in columns.items() if name not in growing and np.nanmin(x) < np.nanmax(x)]
-    if clock := next((name for name in growing if not counts_rows(columns[name])), ""):
+    if clock := next((n for n in growing if not counts_rows(columns[n]) and _has_stamps(columns[n])), ""):
         which = "first" if clock == next(iter(columns)) else "first of those"
         out[clock] = Guess("time", "", "", f"the {which} column, which grows from row to row")
 
@@ -75,6 +76,11 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     rates.sort(key=lambda t: not all(map(_returns_to_a_level, values(t))))  # a magnetometer does not
     out |= _triads(forces[:1], FORCE, lambda _: "", "three columns whose length hardly changes")
     return out | _triads(rates[:1], RATE, lambda _: "", "three columns beside the forces")
+
+
+def _has_stamps(x: Array) -> bool:
+    """Return whether a column that grows has stamps enough to be a clock: the day of a date has one in a whole day."""
+    return bool(np.count_nonzero(np.diff(x)) + 1 >= min(MIN_STAMPS, len(x)))
 
 
 def by_similar_names(columns: Mapping[str, Array]) -> dict[str, Guess]:

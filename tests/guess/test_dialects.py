@@ -66,6 +66,14 @@ def test_triads_are_known_by_their_names_in_other_languages(force, rate):
     assert (quantity_of_log("acelerometro_1"), quantity_of_log("giroscopio")) == ("specific_force", "angular_rate")
 
 
+def test_the_day_of_a_date_is_no_clock():
+    """The day of a log of three days was taken for seconds: 2880 Hz where a row in 30 s was logged."""
+    rng, row = np.random.default_rng(3), np.arange(600.0)
+    columns = {"1": np.full(600, 14.0), "2": 26 + row // 240, **{k: rng.standard_normal(600) for k in "345"}}
+    assert "2" not in by_order(columns)
+    assert by_order(columns | {"2": np.floor(row / 50)})["2"].quantity == "time"  # of whole seconds
+
+
 def dialect(path, seed, t, f, w):
     """Write a log in a dialect that a seed chooses; return it with the units of forces and rates."""
     rng = np.random.default_rng(seed)
