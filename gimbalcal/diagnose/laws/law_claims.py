@@ -54,6 +54,7 @@ from gimbalcal.words.diagnosis_sentences import misheld_positions, repeat_advice
 from gimbalcal.words.naming import without_underscores
 
 MAX_LAWS = 3  # laws of one view
+LAW_EVIDENCE = 2 * CLAIM  # nats of a formula once its refined constants are paid for: it predicts, and a shape does not
 NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is taken, of as many the likeliest
 MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
 MIN_EXPLAINED_ALONE = 0.5  # of the same, that a law has to explain where nothing known does
@@ -91,6 +92,8 @@ def chosen_law(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None
         return None, []
     likely = [trimmed_law(g, law) for law in laws if law.evidence > laws[0].evidence - 2 * SEPARATION_EVIDENCE]
     likely = sorted((law for law in likely if not law.expression.simpler), key=lambda law: -law.posterior) or likely
+    if likely[0].posterior < LAW_EVIDENCE:
+        return None, []
     equivalent = [law for law in likely if law.posterior > likely[0].posterior - SEPARATION_EVIDENCE]
     closed = [law for law in equivalent if not any(t.form.key == "table" for t in law.expression.terms)]
     first = [law for law in closed if not law.wants_another_form] or closed or equivalent

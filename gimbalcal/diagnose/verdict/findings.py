@@ -39,7 +39,8 @@ from gimbalcal.words.diagnosis_sentences import cause_in_words, separation_advic
 from gimbalcal.words.naming import without_underscores
 
 SERIES = 3.0  # times the whole misfit, that one of several causes may be
-IMPOSSIBLE_SIGMAS = 3.0  # by which a size is beyond that of any unit
+IMPOSSIBLE_SIGMAS = 3.0  # by which a size is beyond that of any unit, and
+IMPOSSIBLE_RATIO = 10.0  # times the limit of the grades, which a poor unit may exceed
 SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
 
 
@@ -143,14 +144,18 @@ def cancelling_causes(c: SearchResult) -> list[SelectedCause]:
 
 
 def impossible_causes(c: SearchResult) -> list[SelectedCause]:
-    """Return causes of a size that no unit of any grade has: where a fit needs such a size, another law holds.
+    """Return causes of a size far beyond that of a unit of any grade: where a fit needs such a size, another law holds.
 
     Forces that turn by a few degrees from row to row say of |f| what a memory of half the force says.
     """
     m, sigma = c.end, np.sqrt(np.diag(c.end.covariance))
     excess = np.abs(values(m.effects, m.parameters)) - IMPOSSIBLE_SIGMAS * sigma
     duration_s = float(np.ptp(m.view.stimulus.time))
-    beyond = {p.label for p, x in zip(m.parameters, excess, strict=True) if x > most_of_any_unit(p, duration_s)}
+    beyond = {
+        p.label
+        for p, x in zip(m.parameters, excess, strict=True)
+        if x > IMPOSSIBLE_RATIO * most_of_any_unit(p, duration_s)
+    }
     return [this for this in c.causes if beyond & {p.label for p in this[0].parameters}]
 
 

@@ -143,7 +143,7 @@ def on_a_table(recordings: Sequence[Recording], divided: bool = False) -> OnTabl
     )
     M = rate_matrix(scale_factor, turned * _share_of_unit(turned[turned != 0]))
     view = rate_table(recordings, each, scale, M)  # a misalignment reads what the mounting turns aside: second order
-    return OnTable(tuple(recordings), view, _fit(view, wanted), unseen, scale, tuple(s.number[-1] for s in each))
+    return OnTable(tuple(recordings), view, _fit(view, wanted), unseen, scale, tuple(int(s.number[-1]) for s in each))
 
 
 def _share_of_unit(misalignments: Array) -> float:
