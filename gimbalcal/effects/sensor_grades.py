@@ -140,7 +140,7 @@ GRADES: Mapping[str, Grade] = MappingProxyType({
 
 
 def most_of_any_unit(p: Parameter, duration_s: float) -> float:
-    """Return the size [SI] beyond which no unit of any grade, recorded for so many seconds, has a parameter."""
+    """Return the largest limit [SI] of a parameter among all grades, in a recording of this duration."""
     return drift_rate_factor(CATALOGUE[p.effect], duration_s) * max(grade.most(p) for grade in GRADES.values())
 
 

@@ -34,7 +34,7 @@ LSB_DEG_S = (1 / 131, 1 / 65.5, 1 / 32.8, 1 / 16.4, 1 / 16, 0.07, 0.035, 0.0175,
 ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are printed, whatever they are
 MAX_UNEVENNESS = 3.0  # nats, between the scatter of the axes of one triad
 MIN_FILLED = 0.9  # of the rows of a column that is looked at
-MIN_STAMPS = 10  # different ones of a clock without a name
+MIN_STAMPS = 10  # distinct values, at the least, of a clock without a name
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbers
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
@@ -79,7 +79,7 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
 
 
 def _has_stamps(x: Array) -> bool:
-    """Return whether a column that grows has stamps enough to be a clock: the day of a date has one in a whole day."""
+    """Return whether a growing column has enough distinct values to be a clock, which the day of a date has not."""
     return bool(np.count_nonzero(np.diff(x)) + 1 >= min(MIN_STAMPS, len(x)))
 
 

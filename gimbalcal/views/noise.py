@@ -19,10 +19,10 @@ class NoiseModel:
     r"""Noise of n rows of C channels: white with a scale that is known, or that is integrated over, and correlated.
 
     Scale known: sigma (C,) [SI] is one sigma of a row, weights (n, C), of mean one, are those of samples with heavy
-    tails, of excess kurtosis `kurtosis`; scatter (C,), where rows tell it, is theirs in the sigmas that were stated.
-    Rows are reduced without loss for slow physics: a dwell to the means of a few blocks, `block` (n,) being the ordinal
-    of that of each row; without blocks, each channel to its orthonormal cosine transform, in which white noise stays
-    white and a random walk becomes diagonal.
+    tails, of excess kurtosis `kurtosis`; scatter (C,) is that of the rows in units of the stated sigma, where there are
+    rows enough. Rows are reduced without loss for slow physics: a dwell to the means of a few blocks, `block` (n,)
+    being the ordinal of that of each row; without blocks, each channel to its orthonormal cosine transform, in which
+    white noise stays white and a random walk becomes diagonal.
 
     Else: sigma (n, C) is what the samples say of one row against another, where they do; sample (n, C) what their
     scatter alone makes of a row, which bounds the scale; wander (n, C, m) how what m sensors wander from row to row

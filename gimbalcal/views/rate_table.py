@@ -43,7 +43,7 @@ from gimbalcal.views.rest_rates import CHANNELS, MIN_RATE_SIGMA, horizontal_sigm
 
 BLOCK_S = 0.5  # s of a mean rate: no lag between readout and gyroscopes matters, and readouts hardly scatter
 PART_TURN = np.radians(10.0)  # rad of a part of a stretch, which is no longer than a block
-MAX_PARTS = 1000  # of a recording, unless there are as many stretches
+MAX_PARTS = 1000  # of a recording, unless it has more stretches
 MAX_RATE_CHANGE = 0.005  # of the fastest rate, from one block to the next
 MIN_RATE = np.radians(0.1)  # rad/s; a table that never turns faster stands
 MOUNTING_SIGMA_RAD = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
@@ -57,12 +57,12 @@ RATE_TABLE = Measurement(
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Stretches of one recording, or parts of them: reading less rate (m, 3), its sigma, rate (m, 3), C_bp, and middle
-    time (m,) [s].
+    """Means over m stretches of steady turning of one recording, or over parts of stretches.
 
-    number (m,): of the stretch, from 1. angle (m, k): mean readouts [rad] of parts. up: the
-    vertical (3,) in the axes of the base, None where no accelerometers tell it. logged: mean (m,) of temperature and
-    other channels.
+    reading: of the gyroscopes less the rate of the table, and its sigma, (m, 3) [rad/s]; rate (m, 3) [rad/s]; attitude
+    C_bp (m, 3, 3); time (m,) [s] of the middle; number (m,) of the stretch, from 1; angle (m, k) [rad], of the readouts
+    of parts, else None; up (3,): the vertical in the axes of the base, None where accelerometers do not determine it;
+    logged: means (m,) of temperature and other channels.
     """
 
     reading: Array
@@ -77,14 +77,15 @@ class Stretches:
 
 
 def stretches_of(r: Recording, divided: bool = False) -> Stretches:
-    """Return means over blocks in which the table turns as steadily as before and after, joined where they follow.
+    """Return means over stretches of steady turning: blocks of one rate with the blocks before and after, joined.
 
-    divided: into parts, which show what follows the angle of the table or happens within a stretch; their sigma is
-    then that of one against the next. Raises InputError for a recording that is too short, or in which nothing turns,
-    or never steadily.
+    divided: over parts of stretches, which show what follows the angle of the table or happens within a stretch; their
+    sigma is estimated from how successive parts differ. Raises InputError for a recording that is too short, or in
+    which nothing turns, or never steadily.
     """
-    blocks = _blocks(r)
-    C = r.platform.attitude(r.angles())
+    step, angles = usual_step(r), r.angles()
+    blocks = _blocks(r, step)
+    C = r.platform.attitude(angles)
     turn = rotation_vector(C[:-1] @ np.swapaxes(C[1:], -1, -2))
     turned = np.concatenate([0 * turn[:1], np.cumsum(turn, axis=0)])
     read = integral(r.triad(RATE), r.time)
@@ -97,7 +98,7 @@ def stretches_of(r: Recording, divided: bool = False) -> Stretches:
         return (read[last] - read[first]) / length - rate, rate
 
     of_blocks, rate = means(blocks)
-    groups = _steady_stretches(r, blocks, rate)
+    groups = _steady_stretches(r, blocks, rate, PAUSE_STEPS * step)
     ends = np.array([(blocks[g[0], 0], blocks[g[-1], 1]) for g in groups])
     number = np.arange(1, len(ends) + 1)
     if divided:
@@ -119,15 +120,18 @@ def stretches_of(r: Recording, divided: bool = False) -> Stretches:
         np.array([C[span].mean(0) for span in spans]),
         r.time[ends].mean(axis=1),
         number,
-        _mean_angles(r.angles(), spans) if divided else None,
+        _mean_angles(angles, spans) if divided else None,
         _vertical_in_base(r),
         {key: np.array([x[span].mean() for span in spans]) for key, x in r.channels.items() if key[0] in FOLLOWED},
     )
 
 
-def _blocks(r: Recording) -> Array:
-    """Return first and last rows (b, 2) of blocks, one after the other. Raises InputError where there are none."""
-    n = max(2, round(BLOCK_S / usual_step(r)))
+def _blocks(r: Recording, step: float) -> Array:
+    """Return first and last rows (b, 2) of successive blocks of `BLOCK_S`, of rows at a step [s].
+
+    Raises InputError where the recording is shorter than a block.
+    """
+    n = max(2, round(BLOCK_S / step))
     starts = np.arange(0, len(r.time) - n, n)
     if not len(starts):
         raise InputError(
@@ -136,12 +140,14 @@ def _blocks(r: Recording) -> Array:
     return np.stack([starts, starts + n], axis=-1)
 
 
-def _steady_stretches(r: Recording, blocks: Array, rate: Array) -> list[Array]:
-    """Return ordinals of the blocks (b, 2), of these rates (b, 3), of each stretch of steady turning.
+def _steady_stretches(r: Recording, blocks: Array, rate: Array, longest: float) -> list[Array]:
+    """Return the ordinals of blocks (b, 2), of rates (b, 3) [rad/s], that make each stretch of steady turning.
+
+    longest: step [s] between rows, beyond which the clock paused.
 
     Raises InputError where nothing turns, or never steadily.
     """
-    dt, longest = np.diff(r.time), PAUSE_STEPS * usual_step(r)
+    dt = np.diff(r.time)
     whole = np.array([dt[first:last].max() <= longest for first, last in blocks])
     fastest = float(np.linalg.norm(rate[whole], axis=1).max(initial=0.0))
     if fastest < MIN_RATE:
@@ -166,8 +172,8 @@ def _steady_stretches(r: Recording, blocks: Array, rate: Array) -> list[Array]:
 def _parts(ends: Array, number: Array, time: Array, rate: Array) -> tuple[Array, Array]:
     """Return first and last rows (m, 2) of equal parts of stretches between `ends` (k, 2), and the stretch of each.
 
-    A part is no longer than a block and turns, at a rate (k,) [rad/s], by no more than `PART_TURN`; of long recordings
-    by so much more that there are `MAX_PARTS`.
+    A part is no longer than a block and turns, at a rate (k,) [rad/s], by no more than `PART_TURN`. Parts of long
+    recordings are longer by a common factor, so that there are about `MAX_PARTS`.
     """
     length = time[ends[:, 1]] - time[ends[:, 0]]
     wanted = length * np.maximum(1 / BLOCK_S, rate / PART_TURN)
@@ -179,12 +185,12 @@ def _parts(ends: Array, number: Array, time: Array, rate: Array) -> tuple[Array,
 
 
 def _sigma_of_means(series: Sequence[Array], lengths: Array, length: Array) -> Array:
-    r"""Return one sigma (m, 3) of means of each length (m,) [s], by how successive means of series (k, 3) differ.
+    r"""Return one sigma (m, 3) [rad/s] of means of each length (m,) [s], estimated from successive means of series.
 
     .. math:: \sigma^2(T) = a / T + b / T^2 \geq 0
 
-    of white noise of the gyroscopes and of the readouts, of which a mean rate holds the difference of two. lengths: of
-    the means of all series, one after the other.
+    with a of white noise of the gyroscopes and b of the readouts, two of which make a mean rate. series: means (k, 3)
+    [rad/s] of each stretch; lengths [s]: of the means of all series, one after the other.
     """
     from scipy.optimize import nnls
 

@@ -180,7 +180,7 @@ def predicted(run: Run, laws: list[dict[str, Any]], size: float, named: list[tup
 
 
 def beyond_itself(row: dict[str, Any]) -> float:
-    """Sigmas that laws leave of a second recording beyond what the law itself leaves at noisy readings."""
+    """Return the sigmas that the formulas leave of a second recording, those that the true law leaves removed."""
     return float(np.sqrt(max(row["with"] ** 2 - row["itself"] ** 2, 0.0)))
 
 

@@ -19,8 +19,8 @@ MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)  # from row to row, where nobody states
 MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
 WANDER = (0.8, 0.95, 0.99)  # memory of what sensors wander from row to row; the last is next to a walk
 WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
-MANY_ROWS = 200  # beyond which they together show what is too small to show in any one
-SLOW_WANDER, SMALL_SHARE = (0.95, 0.99, 0.998), (0.03, 0.1, 0.3)  # memory and share of such a wander, next to a walk
+MANY_ROWS = 200  # rows of a view, beyond which a wander of a small share of their variance is visible
+SMALL_WANDER, SMALL_SHARE = (0.95, 0.99, 0.998), (0.03, 0.1, 0.3)  # memory and share of such a wander
 WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
 POLES = (
     (0.0, 0.0), (0.5, 0.0), (0.7, 0.3), (0.7, 0.5), (0.85, -0.3), (0.85, 0.0), (0.85, 0.3), (0.85, 0.85),
@@ -69,7 +69,7 @@ def noises_of_unknown_scale(n: int, C: int, rows: Array | None = None) -> tuple[
         return tuple(out)
     wanders = [
         *itertools.product(WANDER, WANDER_SHARE),
-        *(itertools.product(SLOW_WANDER, SMALL_SHARE) if n > MANY_ROWS else ()),
+        *(itertools.product(SMALL_WANDER, SMALL_SHARE) if n > MANY_ROWS else ()),
     ]
     return (*out, *(_wandering_covariance(rows, rho, share, WANDERS / len(wanders)) for rho, share in wanders))
 

@@ -69,9 +69,11 @@ def scale_to_scatter(o: Fit) -> Fit:
 
 
 def nats_beyond_stated_scatter(o: Fit) -> float:
-    """Return the ln likelihood that the scatter of the rows gains over the stated one, of the channel that gains most.
+    r"""Return the ln likelihood that the scatter of n rows gains over the stated sigma, of the channel that gains most.
 
-    Zero where rows scatter less than was stated, or do not tell.
+    .. math:: \frac{n}{2} \, (s^2 - 1 - \ln s^2)
+
+    with s the scatter in units of the stated sigma; zero where s is below one, or the rows are too few for it.
     """
     if o.view.noise.scatter is None:
         return 0.0

@@ -33,7 +33,7 @@ SLOW_WAVES = 16  # half turns over the range of a variable other than time
 ORDERS = 8  # harmonics of an angle at the most
 PLACES, WIDTHS = 9, (0.04, 0.12, 0.35)  # of steps and bumps, in shares of the range of a variable
 SAME_VARIABLE_SHARE = 0.9999  # share of the variance of a variable that another says, from which they are one
-NEAR_ZERO = 0.03  # of the range of a force or a rate, beyond which knots near zero are further and further apart
+NEAR_ZERO = 0.03  # of the range of a force or a rate, beyond which the distance of knots grows with that to zero
 KNOTS, KNOTS_OF_PRODUCT = (4, 6, 9, 13, 19), 6  # of a table, and of one in a product at the most
 CYCLIC = 3  # harmonics of a cycle of any shape
 MIN_SINE = 0.05  # sine of an angle, below which its cosecant is none of a mount
@@ -261,6 +261,11 @@ class Term:
         """The same form with other constants."""
         return replace(self, constants=constants)
 
+    def is_threshold(self, i: int) -> bool:
+        """Return whether constant i is a value of the variable at which the form jumps; zero is one for a course."""
+        known = self.form.constants
+        return bool(known) and (known[i].kind, known[i].of) == ("fixed", "x") and self.variable.group != "course"
+
     def refined(self, i: int) -> bool:
         """Return whether constant i may lie between the values of its grid; waves of an angle come round."""
         c = self.form.constants[i]
@@ -415,6 +420,9 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
     low, high = float(v.x.min()), float(v.x.max())
     span, places = high - low, np.linspace(low, high, PLACES + 2)[1:-1]
 
+    def above_horizon() -> bool:
+        return bool(np.abs(np.sin(v.x)).min() > MIN_SINE)
+
     def waves() -> int:
         if v.group == "time":
             return min(FAST, len(v.x) // 4)
@@ -429,8 +437,8 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
         "rising": chirps,
         "falling": chirps,
         "growth": lambda: [(sign * tau,) for tau in np.geomspace(span / 6, 2 * span, 5) for sign in (1, -1)],
-        "cosecant": lambda: [()] if np.abs(np.sin(v.x)).min() > MIN_SINE else [],
-        "air mass": lambda: [(p,) for p in AIR_MASSES] if np.abs(np.sin(v.x)).min() > MIN_SINE else [],
+        "cosecant": lambda: [()] if above_horizon() else [],
+        "air mass": lambda: [(p,) for p in AIR_MASSES if above_horizon()],
         "onset": lambda: [(c, p) for c in (low - span / 3, *places) for p in ONSETS],
         "end": lambda: [(c, p) for c in (*places, high + span / 3) for p in ONSETS],
         "shock": lambda: [(c, span * part) for c in _threshold_levels(v, s) for part in (0.02, 0.05, 0.12, 0.3)],
@@ -504,15 +512,16 @@ def term_triples(every: Sequence[Sequence[Term]]) -> list[Family]:
 def free_tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> list[Family]:
     """Return free functions of each variable, as tables between knots; where asked for, times a force or a rate too.
 
-    They stand for what no closed form says. Knots are even in the mean of rank and value, so that each has data though
-    a unit rests half of the time; those of forces and rates also closer to zero, where what sticks or locks acts.
+    They stand for what no closed form says. Knots are equally spaced in the mean of rank and value, so that each
+    interval has data though a unit rests half of the time; of forces and rates others are closer near zero, where
+    friction and lock-in act.
     """
     out = list[Family]()
     plain = [TermGroup((Term(replace(u, x=u.x[rows]), FORMS["x"], (), 1),)) for u in vs if u.group in ("force", "rate")]
     for v in (v for v in vs if v.group != "move"):
-        here = replace(v, x=v.x[rows])
-        for n, spread in itertools.product(KNOTS, _spreads_of_knots(v)):
-            knots = np.interp(np.linspace(spread[0], spread[-1], n), spread, np.sort(v.x))
+        here, ordered = replace(v, x=v.x[rows]), np.sort(v.x)
+        for n, spread in itertools.product(KNOTS, _spreads_of_knots(ordered, v.group)):
+            knots = np.interp(np.linspace(spread[0], spread[-1], n), spread, ordered)
             if np.diff(knots).min() > 1e-3 * np.ptp(v.x):
                 table = TermGroup((Term(here, FORMS["table"], tuple(knots.tolist()), 2 * len(KNOTS)),))
                 out.append((table,))
@@ -521,11 +530,10 @@ def free_tables(vs: Sequence[Variable], rows: Array | slice, products: bool) -> 
     return out
 
 
-def _spreads_of_knots(v: Variable) -> list[Array]:
-    """Return what knots are even in, of the values (n,) of a variable in order."""
-    x = np.sort(v.x)
+def _spreads_of_knots(x: Array, group: str) -> list[Array]:
+    """Return monotonic functions (n,) of the ordered values x (n,) of a variable, in which knots are equally spaced."""
     out = [np.linspace(0, 1, len(x)) + (x - x[0]) / (np.ptp(x) or 1.0)]
-    if v.group in ("force", "rate"):
+    if group in ("force", "rate"):
         out.append(np.arcsinh(x / (NEAR_ZERO * np.ptp(x) or 1.0)))
     return out
 
@@ -572,8 +580,7 @@ def _is_fast(t: Term) -> bool:
 
 def moved_threshold(t: Term, k: int) -> list[Term]:
     """Threshold k of a term moved as far as the next ones of its grid, in steps; no other constant."""
-    constant = t.form.constants[k] if t.form.constants else None
-    if constant is None or (constant.kind, constant.of) != ("fixed", "x") or t.variable.group == "course":
+    if not t.is_threshold(k):
         return []
     step = float(np.ptp(t.variable.x)) / (INSTANTS if t.variable.group == "time" else LEVELS)
     moved = (t.constants[k] + x for x in step * np.linspace(-1, 1, STEPS))

@@ -54,7 +54,9 @@ from gimbalcal.words.diagnosis_sentences import misheld_positions, repeat_advice
 from gimbalcal.words.naming import without_underscores
 
 MAX_LAWS = 3  # laws of one view
-LAW_EVIDENCE = 2 * CLAIM  # nats of a formula once its refined constants are paid for: it predicts, and a shape does not
+LAW_EVIDENCE = (
+    2 * CLAIM
+)  # nats of the likeliest formula, less the cost of its refined constants, from which one is stated
 NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is taken, of as many the likeliest
 MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
 MIN_EXPLAINED_ALONE = 0.5  # of the same, that a law has to explain where nothing known does
@@ -88,7 +90,7 @@ def chosen_law(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None
 
     shape: ln evidence of the best shape without a cause.
     """
-    if not laws or laws[0].evidence < max(CLAIM, shape - SEPARATION_EVIDENCE):
+    if not laws or laws[0].evidence < max(LAW_EVIDENCE, shape - SEPARATION_EVIDENCE):
         return None, []
     likely = [trimmed_law(g, law) for law in laws if law.evidence > laws[0].evidence - 2 * SEPARATION_EVIDENCE]
     likely = sorted((law for law in likely if not law.expression.simpler), key=lambda law: -law.posterior) or likely
@@ -169,18 +171,18 @@ def beyond_walk(
 
 
 def law_beyond_shapes(ranked: Ranking, needed: float, seed: int, progress: Progress) -> Lawful:
-    """Return a formula although no cause and no shape is likely, or none.
+    """Return a formula of a misfit in which neither a cause nor a shape is likely, if there is one.
 
     A fast wave in a logged channel resembles no smooth shape, and the scatter of the rows or another noise absorbs it.
     It is sought where that exceeds the stated noise, or none was stated, and needs the prior odds of an unknown cause.
-    needed: the ln Bayes factor that clean recordings of this design reach.
+    needed: the ln Bayes factor of a claim, which clean recordings of this design do not reach.
     """
     stated = all(s.fit.view.kind.measured_by in s.fit.view.source.noise for s in ranked.searches)
     beyond_scatter = max(nats_beyond_stated_scatter(s.fit) for s in ranked.searches)
     if stated and max(beyond_scatter, noise_gain(ranked, ())) < CLAIM:
         return Lawful()
     law = law_of_misfit(ranked, decide_unnamed(ranked), seed, progress)
-    return law if law.ln_total + np.log(UNKNOWN) >= max(CLAIM, needed) else Lawful()
+    return law if law.ln_total + np.log(UNKNOWN) >= needed else Lawful()
 
 
 def against_walk(law: Lawful, walk: RandomWalkFinding, advice: str) -> tuple[Lawful, float]:

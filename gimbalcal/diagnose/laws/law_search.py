@@ -67,8 +67,8 @@ SAME_CORRELATION = 0.999  # correlation from which two expressions are one in th
 UNUSUAL_NATS = 1.5
 RARE_FORMS = ("pulse", "sawtooth", "rectified", "ring", "cyclic", "rising", "falling", "growth")
 JUMPS = ("pulse", "sawtooth", "above", "window")
-ROUNDS = 4  # in which thresholds and the other constants of an expression are refined by turns, while these
-MIN_GAIN = 0.1  # nats are gained
+ROUNDS = 4  # at the most, in which thresholds and the other constants of an expression are refined alternately
+MIN_GAIN = 0.1  # nats of a round, below which it is the last
 PROBE_STEPS = 2.0 ** -np.arange(0.0, 8.0, 0.5)  # of the first step of a constant, where its likelihood is looked at
 MIN_NATS_OF_COLUMN = 3.0  # nats that a column of a law has to explain to be kept, at each of its places
 LEAST_VARIANCE = 1e-6  # that a law leaves, of the noise without it
@@ -466,9 +466,8 @@ def _jump_constants(e: Expression) -> list[tuple[int, int]]:
     return [
         (i, j)
         for i, t in enumerate(e.terms)
-        if t.variable.group != "course"
-        for j, c in enumerate(t.form.constants)
-        if (c.kind, c.of) == ("fixed", "x") or (t.form.key in JUMPS and t.refined(j))
+        for j in range(len(t.form.constants))
+        if t.is_threshold(j) or (t.form.key in JUMPS and t.variable.group != "course" and t.refined(j))
     ]
 
 
@@ -610,7 +609,7 @@ def _moved_expression(e: Expression, moves: Sequence[_Move], u: Sequence[float] 
 def _refined_expression(response: BlockResponse, e: Expression) -> Expression:
     """Return the expression with its constants where they take away most.
 
-    Where it begins and how it goes on from there depend on each other, so that both are refined by turns.
+    Where it begins and how it continues from there depend on each other, so that both are refined alternately.
     """
     gain = _likelihood_gain(response, e)
     for _ in range(ROUNDS):
@@ -621,7 +620,7 @@ def _refined_expression(response: BlockResponse, e: Expression) -> Expression:
             other = _moved_expression(e, moves, (_by_lattice if jumps else _by_derivatives)(response, e, moves))
             e = max(e, other, key=partial(_likelihood_gain, response))
         gain = _likelihood_gain(response, e)
-        if gain - before < MIN_GAIN or all(c.kind != "fixed" for t in e.terms for c in t.form.constants):
+        if gain - before < MIN_GAIN or not any(t.is_threshold(k) for t in e.terms for k in range(len(t.constants))):
             break
     return e
 

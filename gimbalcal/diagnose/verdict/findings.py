@@ -39,8 +39,8 @@ from gimbalcal.words.diagnosis_sentences import cause_in_words, separation_advic
 from gimbalcal.words.naming import without_underscores
 
 SERIES = 3.0  # times the whole misfit, that one of several causes may be
-IMPOSSIBLE_SIGMAS = 3.0  # by which a size is beyond that of any unit, and
-IMPOSSIBLE_RATIO = 10.0  # times the limit of the grades, which a poor unit may exceed
+IMPOSSIBLE_SIGMAS = 3.0  # by which an impossible size exceeds
+IMPOSSIBLE_RATIO = 10.0  # times the limit of every grade: a poor unit exceeds the limit itself
 SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of one that may be zero
 
 
@@ -59,7 +59,7 @@ def confirm_causes(c: SearchResult, progress: Progress) -> tuple[SearchResult, l
     while True:
         oversized, why = cancelling_causes(c), "larger than the whole misfit, as terms of a series"
         if not oversized:
-            oversized, why = impossible_causes(c), "larger than in a unit of any grade"
+            oversized, why = impossible_causes(c), f"more than {IMPOSSIBLE_RATIO:g} times the limit of every grade"
         if oversized:
             progress(f"{', '.join(cause.label for cause, _ in oversized)}: {why}")
             refused |= {cause.key for cause, _ in oversized}
@@ -146,7 +146,7 @@ def cancelling_causes(c: SearchResult) -> list[SelectedCause]:
 def impossible_causes(c: SearchResult) -> list[SelectedCause]:
     """Return causes of a size far beyond that of a unit of any grade: where a fit needs such a size, another law holds.
 
-    Forces that turn by a few degrees from row to row say of |f| what a memory of half the force says.
+    Where the attitude changes by a few degrees from row to row, a memory of half the force fits the misfit of |f|.
     """
     m, sigma = c.end, np.sqrt(np.diag(c.end.covariance))
     excess = np.abs(values(m.effects, m.parameters)) - IMPOSSIBLE_SIGMAS * sigma

@@ -271,7 +271,7 @@ def largest_misfit(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
 
 
 def _rows_off_most(v: View, size: Array) -> Array:
-    """Return the three rows of largest size (n,), of rows that have one number the largest."""
+    """Return the rows of the three largest sizes (n,), at most one of each numbered position, star or stretch."""
     order = np.argsort(-size)
     first = slice(None) if v.label is None else np.sort(np.unique(v.label[order], return_index=True)[1])
     return np.asarray(order[first][:3])

@@ -111,9 +111,9 @@ class OnTable:
 
     @property
     def view_in_scatter(self) -> View:
-        """Return parts of the stretches with mountings and the Earth's rate eliminated in the scatter about the model.
+        """Return the view of parts of the stretches, mountings and the Earth's rate eliminated in its own scatter.
 
-        Raises InputError where the stretches are too few to tell their scatter.
+        Raises InputError where the stretches are too few to estimate their scatter.
         """
         if self.linear.dof_of_scatter < MIN_NUMBERS_LEFT:
             raise InputError(

@@ -140,7 +140,7 @@ def test_harmonics_that_the_grid_of_angles_makes_equal_are_alternatives():
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_a_fast_wave_that_no_shape_resembles_is_sought_unless_the_noise_is_as_stated(stated):
-    """Fringes of 1.9 degC by a noisy thermometer: another noise absorbs them, and no shape has evidence."""
+    """Fringes of 1.9 degC with a noisy thermometer: another noise absorbs them, and no shape has evidence."""
     rng = np.random.default_rng(29)
     r = static_plant.record(rng, lambda s: np.outer(np.sin(2 * np.pi * s.T / 1.9 + 0.7), [1, 0, 0]), 5 * plant.UG)
     T = r.channels["temperature", ""]
@@ -151,7 +151,7 @@ def test_a_fast_wave_that_no_shape_resembles_is_sought_unless_the_noise_is_as_st
 
 
 def test_a_power_of_the_air_mass_is_more_than_refraction():
-    """Low stars are lifted by its cube, which tan z and tan^3 z of refraction leave 9 of 40 sigma of."""
+    """Refraction by tan z and tan^3 z leaves 9 of 40 sigma of an elevation error with the cube of the air mass."""
     lifted = lambda k: {"sky": np.outer(np.sin(k.inner) ** -3.0, [0.0, 1.0])}  # noqa: E731
     d = diagnose([unknown_mount.record(7, unknown_mount.Setup(stars=90), ((lifted, 1.2 * unknown_mount.ARCSEC),))])
     (law,) = d.laws
@@ -208,7 +208,7 @@ def test_a_law_is_trimmed_where_the_calibration_has_as_many_parameters_as_there_
 
 
 def ground_of(v, signal, kind="multi-position"):
-    """A ground of one accelerometer whose rows hold a signal in noise of one, less its bias; and the noise so far."""
+    """A ground of one accelerometer whose rows hold a signal in unit noise, bias removed; and that noise by itself."""
     n = len(v.x)
     place = Place("specific_force", "x", (v,), rich(kind), np.arange(n), lambda X: X[:, None, :])
     Q = np.ones((n, 1)) / np.sqrt(n)
@@ -267,7 +267,7 @@ def test_a_jump_is_put_in_the_middle_of_where_the_data_allow_it():
 
 
 def test_a_shock_begins_in_the_middle_of_where_the_data_allow_it():
-    """Between two rows its size takes up where it begins."""
+    """Between two rows a change of its beginning is a change of its size."""
     g, law = curved(30.0, lambda T: (T > 22.75) * np.exp(-np.maximum(T - 22.75, 0.0) / 0.5))
     rows = law("shock", 0.0, 22.0, 0.5).expression.variables[0].x
     below, beyond = rows[29:31]
@@ -351,7 +351,7 @@ def test_no_wave_is_switched_that_does_not_come_round():
 
 
 def test_a_table_has_knots_where_a_unit_seldom_is():
-    """Half of the rows are at rest, where ranks alone put half of the knots."""
+    """Half of the rows are at rest: knots that are evenly spaced in rank alone are there too."""
     moving = np.random.default_rng(1).uniform(-2.0, 2.0, 500)
     rate = Variable("rate_x", "deg/s", np.concatenate([1e-6 * np.arange(500), moving]), "", "rate")
     knots = [family[0].terms[0].constants for family in free_tables((rate,), slice(None), products=False)]
