@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gimbalcal.recording.dates import is_date
 
+COMMENT = "#"  # at the beginning of a line that is none of the table
 EMPTY = ("NA", "N/A", "n/a", "null", "NULL", "None", "nan", "NaN", "NAN")
 """Cells that programs write where they have no value."""
 
@@ -69,6 +70,20 @@ def is_number(cell: str) -> bool:
 def first_line(path: Path) -> int:
     """Return the number of the line with the column names."""
     return next((line for line, _ in lines(path)), 1)
+
+
+def characters_below(path: Path, line: int, characters: str) -> str:
+    """Return those of some ASCII characters that stand anywhere in a file below its first lines.
+
+    A scan for a character is a tenth of what a reader of CSV takes to look for comments or for words in each cell.
+    """
+    found = set[str]()
+    with path.open("rb") as file:
+        for _ in range(line):
+            file.readline()
+        while block := file.read(1 << 20):
+            found |= {each for each in characters if each.encode() in block}
+    return "".join(found)
 
 
 def lines(path: Path, skip: int = 0) -> Iterator[tuple[int, list[str]]]:

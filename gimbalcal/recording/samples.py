@@ -19,7 +19,16 @@ from gimbalcal.errors import InputError, number_of, shortened_text
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import Column
 from gimbalcal.recording.dates import Dates, NoDateError, is_date
-from gimbalcal.recording.lines import EMPTY, column_heading, has_names, lines, rows_in_words
+from gimbalcal.recording.lines import (
+    COMMENT,
+    EMPTY,
+    characters_below,
+    column_heading,
+    first_line,
+    has_names,
+    lines,
+    rows_in_words,
+)
 from gimbalcal.recording.memory_limit import refuse_bomb
 from gimbalcal.units import from_si
 
@@ -150,7 +159,7 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
     named, present = column_heading(path, names)
     text = any(cell != cell.strip() or is_date(cell) for cells in head[named:] for cell in cells)
     there = (
-        pl.scan_csv(path.absolute(), comment_prefix="#", infer_schema=False, has_header=named, glob=False)
+        pl.scan_csv(path.absolute(), comment_prefix=COMMENT, infer_schema=False, has_header=named, glob=False)
         .collect_schema()
         .names()
     )
@@ -159,9 +168,13 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
     types = {
         old: pl.Float64 if name in names and not text else pl.String for old, name in zip(there, present, strict=True)
     }
+    # neither comments nor words for no value are looked for where none can be: half of the time that reading takes
+    above = first_line(path) - 1
+    marks = characters_below(path, above + named, COMMENT + "".join({word[0] for word in EMPTY}))
     lazy = pl.scan_csv(
-        path.absolute(), comment_prefix="#", schema=types, null_values=list(EMPTY), has_header=named, glob=False
-    )
+        path.absolute(), comment_prefix=COMMENT if above or COMMENT in marks else None, schema=types,
+        null_values=list(EMPTY) if marks.strip(COMMENT) else None, has_header=named, glob=False,
+    )  # fmt: skip
     changed = {old: name for old, name in zip(there, present, strict=True) if old != name}
     return lazy.rename(changed) if changed else lazy
 

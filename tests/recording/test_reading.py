@@ -10,6 +10,7 @@ import pytest
 from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
 from gimbalcal.recording import Recording, Site, dwells, read, write
+from gimbalcal.recording.lines import EMPTY, characters_below
 from gimbalcal.recording.samples import batches, column
 from gimbalcal.recording.scatter import pooled_scatter
 from tests.golden import golden_text, refused
@@ -48,6 +49,27 @@ def test_a_sensor_that_counts_backwards(tmp_path):
     assert backwards.scatter[z] == right.scatter[z]
     for sign in ("2", "true", '"-"'):
         golden_text(refusal(tmp_path, header.replace("sign = -1", f"sign = {sign}")))
+
+
+@pytest.mark.parametrize("word", EMPTY)
+def test_comments_and_words_for_no_value_far_below_the_names(tmp_path, word):
+    names, *lines = text(rows()).splitlines()
+    lines[60] = ",".join([*lines[60].split(",")[:-1], word])
+    plain, marked = (
+        read(folder(tmp_path, samples="\n".join([names, *below]) + "\n"))
+        for below in (lines[:60] + lines[61:], [*lines[:70], "# a remark, 1, 2", *lines[70:]])
+    )
+    np.testing.assert_array_equal(marked.time, plain.time)  # the row without a value is left out
+    np.testing.assert_array_equal(marked.triad("specific_force"), plain.triad("specific_force"))
+
+
+def test_only_characters_below_the_names_are_searched_for(tmp_path):
+    path = tmp_path / "samples.csv"
+    path.write_text("# n\nnone,N\n" + "1,2\n" * 400_000, encoding="utf-8")  # blocks of a megabyte
+    assert (characters_below(path, 2, "#nN"), set(characters_below(path, 0, "#nN"))) == ("", {*"#nN"})
+    with path.open("a") as file:
+        file.write("3,null\n")
+    assert characters_below(path, 2, "#nN") == "n"
 
 
 def test_sources_carry_their_digest(tmp_path):
