@@ -169,18 +169,22 @@ class StreamChecks:
         steps = dt if self.n else dt[1:]
         if not self.step and len(t) > 1:
             self.step = float(np.median(steps))
-        self.shortest = min(self.shortest, float(steps.min(initial=np.inf)))
-        self.longest = max(self.longest, float(steps.max(initial=0.0)))
-        long = self.header.kind.continuous & (dt * to_si(1.0, self.clock.unit) > MAX_STEP_S)
-        wrong = np.flatnonzero((dt < 0 if self.by_order else dt <= 0) | long)
+        shortest, longest = float(steps.min(initial=np.inf)), float(steps.max(initial=0.0))
+        self.shortest, self.longest = min(self.shortest, shortest), max(self.longest, longest)
+        self.last_time = float(t[-1]) if len(t) else self.last_time
+        begins: Array = np.isnan(dt)
+        si = to_si(1.0, self.clock.unit)
+        if shortest > 0 and longest <= GAP * self.step and longest * si <= MAX_STEP_S:
+            return begins
+        wrong = np.flatnonzero(
+            (dt < 0 if self.by_order else dt <= 0) | (self.header.kind.continuous & (dt * si > MAX_STEP_S))
+        )
         self.equal += int(np.count_nonzero(dt == 0))
         if len(wrong):
             self._refuse(int(wrong[0]), self.clock.name, self._why_not(float(t[wrong[0]]), float(dt[wrong[0]])))
-        self.last_time = float(t[-1]) if len(t) else self.last_time
         far = dt > GAP * self.step if self.step else np.zeros(len(t), dtype=bool)
         self.gaps += [(self.n + int(i), float(dt[i])) for i in np.flatnonzero(far)]
-        begins: Array = far | np.isnan(dt)
-        return begins
+        return far | begins
 
     def _why_not(self, t: float, dt: float) -> str:
         unit = self.clock.unit

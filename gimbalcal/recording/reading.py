@@ -107,7 +107,7 @@ def assemble_recording(
         )
         source = tuple(digests)
     numbers = next((table.pop(c.name) for c in columns if c.quantity == "position"), None)
-    position = None if numbers is None else np.rint(numbers, out=numbers).astype(np.int64)
+    position = numbers if numbers is None or numbers.dtype == np.int64 else np.rint(numbers).astype(np.int64)
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
     weight = table.get(next((c.name for c in columns if c.quantity == "weight"), ""), np.ones(0))
     clock = next(c for c in columns if c.quantity == "time")
@@ -174,7 +174,7 @@ def _rows(
     rates = {c.name: to_si(table[c.name], c.unit) for c in gyros}
     raw = any(is_raw(c.unit) for c in gyros)
     position = detect_rests(to_si(table[checks.clock.name], checks.clock.unit), sensors, rates, raw, bool(forces))
-    table[_DETECTED.name] = position.astype(float)
+    table[_DETECTED.name] = position
     count, dwells = int(position.max(initial=0)), int(np.count_nonzero(np.diff(position, prepend=0) * position))
     at = f" at {number_of(count, 'position')}" if count < dwells else ""
     remark = (
@@ -230,7 +230,7 @@ def _gather_rows(
     """Check every row and keep it, whole or in means; return the columns and the scatter."""
     weight = next((c.name for c in columns if c.quantity == "weight"), None)
     position = next((c.name for c in columns if c.quantity == "position"), None)
-    kept: AllRows | Blocks = AllRows(rows_in(checks.header.samples))
+    kept: AllRows | Blocks = AllRows(rows_in(checks.header.samples), position)
     turns = {c.name: float(from_si(2 * pi, c.unit)) for c in columns if c.quantity in ANGLES}
     if average_s is not None:
         kept = Blocks(from_si(average_s, checks.clock.unit), checks.clock.name, weight, turns)

@@ -12,11 +12,11 @@ from gimbalcal.number import Array
 class AllRows:
     """Keeps every row of the stream in one array of each column: `expected` rows, or as many more as come.
 
-    A first batch of all of them, in arrays that may be changed, is kept as it is.
+    A first batch of all of them, in arrays that may be changed, is kept as it is. whole: the column of whole numbers.
     """
 
-    def __init__(self, expected: int = 0) -> None:
-        self.expected = expected
+    def __init__(self, expected: int = 0, whole: str | None = None) -> None:
+        self.expected, self.whole = expected, whole
         self.columns: dict[str, Array] = {}
         self.rows = 0
 
@@ -28,7 +28,7 @@ class AllRows:
                 self.columns[name] = x
                 continue
             if name not in self.columns:
-                self.columns[name] = np.empty(max(self.expected, after))
+                self.columns[name] = np.empty(max(self.expected, after), np.int64 if name == self.whole else np.float64)
             column = self.columns[name]
             if len(column) < after:
                 column.resize(after + after // 2, refcheck=False)
@@ -113,7 +113,8 @@ class Blocks:
             return x
         turn = self.turns[name]
         last = self.last.get(name, float(x[0]))
-        x = x + turn * np.round((last - x[0]) / turn)
+        if turns := np.round((last - x[0]) / turn):
+            x = x + turn * turns
         if max(float(x.max()), last) - min(float(x.min()), last) > turn / 2:
             x = np.unwrap(np.concatenate([[last], x]), period=turn)[1:]
         self.last[name] = float(x[-1])
