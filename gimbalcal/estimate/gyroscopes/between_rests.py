@@ -32,6 +32,7 @@ from gimbalcal.estimate.gyroscopes.residual_checks import (
     singular_in_words,
     sizes_in_words,
     turns_in_words,
+    unseen_in_words,
 )
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     BIAS,
@@ -41,6 +42,7 @@ from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     fit_turns,
     level_of,
     rests_joined_by_turns,
+    undetermined_parameters,
     with_reference_error,
 )
 from gimbalcal.estimate.gyroscopes.revolutions import euler_angles
@@ -60,6 +62,7 @@ from gimbalcal.views.core import View
 from gimbalcal.views.turns import Turns, turns_between_rests
 
 LINEAR = GYROSCOPE_INPUT_TERMS
+HARDLY_SHOWN = "the turns hardly show it"
 FURTHER_TERMS = ("gyro_scale_nonlinearity", "gyro_scale_asymmetry", "gyro_scale_temperature", G_SENSITIVITY)
 
 
@@ -93,9 +96,10 @@ def gyroscopes_between_rests(
     if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
         turns = turns.levelled(level.effects)
     further = [t for t in terms_moving if t not in base]
-    fits, declined, doubt = Fits(), dict[str, str](), list[str]()
+    fits, declined, doubt, unseen = Fits(), dict[str, str](), list[str](), tuple[Parameter, ...]()
     if base or moving.parameters:
-        linear = fit_turns(turns, base, moving)
+        unseen = undetermined_parameters(turns, accelerometers, base)
+        linear = fit_turns(turns, base, moving, unseen)
         doubt = [] if moving.parameters else singular_in_words(linear.condition) or astray_in_words(turns, linear.rms)
         if doubt and turns.scale != 1.0:
             raise InputError(f"{doubt[0]}; nor do they show what a count of the rates is")
@@ -103,7 +107,10 @@ def gyroscopes_between_rests(
             declined = {t: f"{t} is left out: {doubt[0]}" for t in terms_moving}
         else:
             fits, declined = select_terms(
-                base, linear, further, lambda terms, without: _attempt_terms(turns, terms, without, tried, moving)
+                base,
+                linear,
+                further,
+                lambda terms, without: _attempt_terms(turns, accelerometers, terms, without, tried, moving, unseen),
             )
     if why:
         declined[G_SENSITIVITY] = why
@@ -112,9 +119,12 @@ def gyroscopes_between_rests(
         fits[-1] = fits[-1][0], with_reference_error(fits[-1][1], turns, accelerometers)
         fit = fits[-1][1]
         sentences += singular_in_words(fit.condition) or (
-            turns_in_words(turns, accelerometers, level.residual[0], fit.rms) + sizes_in_words(turns, fit)
+            turns_in_words(turns, accelerometers, level.residual[0], fit.rms)
+            + sizes_in_words(turns, fit)
+            + unseen_in_words(unseen)
         )
-    calibration = replace(_calibration(level, fits, declined, turns.scale), outcome=joined_sentences(sentences))
+    calibration = _calibration(level, fits, declined, unseen if fits else (), turns.scale)
+    calibration = replace(calibration, outcome=joined_sentences(sentences))
     return extra.complete(calibration)
 
 
@@ -145,11 +155,15 @@ def _refuse_term(term: str, missing: str, title: str) -> None:
 
 
 def _attempt_terms(
-    turns: Turns, terms: tuple[str, ...], without: ViewsFit, tried: int, extra: Extension
-) -> ViewsFit | str:
+    turns: Turns, accelerometers: Calibration, terms: tuple[str, ...], without: ViewsFit, tried: int,
+    extra: Extension, unseen: Sequence[Parameter],
+) -> ViewsFit | str:  # fmt: skip
     """The fit with the last of the terms, or why the turns do not support it."""
+    own = [p for p in undetermined_parameters(turns, accelerometers, terms) if p.effect == terms[-1]]
+    if len(own) == len(parameters(CATALOGUE[terms[-1]])):
+        return f"{terms[-1]} is left out: {HARDLY_SHOWN}"
     try:
-        fit = fit_turns(turns, terms, extra)
+        fit = fit_turns(turns, terms, extra, (*unseen, *own))
     except InputError as problem:
         return f"{terms[-1]} is left out: {problem}"
     sigma = np.maximum(fit.sigmas, fit.left_out[1])
@@ -166,7 +180,9 @@ def _degrees_of_freedom(fit: ViewsFit) -> int:
     return fit.residual[0].size - len(fit.x)
 
 
-def _calibration(level: ViewsFit, fits: Fits, declined: dict[str, str], scale: float) -> Calibration:
+def _calibration(
+    level: ViewsFit, fits: Fits, declined: dict[str, str], unseen: Sequence[Parameter], scale: float
+) -> Calibration:
     fit = fits[-1][1] if fits else None
     wanted = (*level.parameters, *(fit.parameters if fit else ()))
     x = np.concatenate([level.x, fit.x if fit else np.zeros(0)])
@@ -191,7 +207,10 @@ def _calibration(level: ViewsFit, fits: Fits, declined: dict[str, str], scale: f
     return Calibration(
         "turns", with_values((*level.effects, *(fit.effects if fit else ())), wanted, x), wanted,
         block_diagonal([f.covariance for f in (level, fit) if f]),
-        tuple(Unobservable.of(parameters(CATALOGUE[t]), why) for t, why in declined.items()),
+        (
+            *(Unobservable.of([p], HARDLY_SHOWN) for p in unseen),
+            *(Unobservable.of(parameters(CATALOGUE[t]), why) for t, why in declined.items()),
+        ),
         Residual(float(dof), dof, rms),
         provenance=Provenance(recordings=source.source, options=options),
         stages=stages,

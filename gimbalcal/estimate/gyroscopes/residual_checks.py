@@ -11,9 +11,12 @@ with sigma_1, sigma_2 of gravity's direction at the rests and w by how much the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gimbalcal.calibration import Calibration
+from gimbalcal.effects import Parameter
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.forward import gyroscopes
 from gimbalcal.number import Array
@@ -101,12 +104,17 @@ def _direction_sigma(turns: Turns, accelerometers: Calibration) -> Array:
     return np.asarray(np.sqrt(sample**2 / turns.means.weight + excess**2) / turns.means.site.gravity)
 
 
-def sizes_in_words(turns: Turns, fit: ViewsFit) -> list[str]:
-    """A sentence where what effects make of a small rate is no error of a gyroscope but of its range, unit or axes.
+def unseen_in_words(unseen: Sequence[Parameter]) -> list[str]:
+    """Return a sentence on parameters that the turns do not determine; none where there are none."""
+    axes = sorted({p.axis for p in unseen if p.effect == "gyro_scale_factor"} or {p.axis[-1] for p in unseen})
+    about = f"{', '.join(axes[:-1])} and {axes[-1]}" if len(axes) > 1 else "".join(axes)
+    if not axes:
+        return []
+    return [f"the turns do not determine the gyroscopes fully: turn the unit farther about {about} too"]
 
-    What the turns hardly determine, because few of them remain, is no reason to doubt a unit. Where none of them is
-    about the axis of a gyroscope, what it reads follows from those of the others, and no size of its own is known.
-    """
+
+def sizes_in_words(turns: Turns, fit: ViewsFit) -> list[str]:
+    """A sentence where what effects make of a small rate is no error of a gyroscope but of its range, unit or axes."""
     zero, effects = 0 * turns.stimulus.rate, fit.effects
     sigma = np.array([
         max((s for p, s in zip(fit.parameters, fit.sigmas, strict=True) if p.unit in ("ppm", "arcsec")
@@ -120,9 +128,6 @@ def sizes_in_words(turns: Turns, fit: ViewsFit) -> list[str]:
     i, j = np.unravel_index(int(np.argmax(np.abs(D - np.eye(3)))), (3, 3))
     if abs(D[i, j] - (i == j)) <= MAX_SCALE_ERROR:
         return []
-    if sigma[i] > MAX_SCALE_ERROR:
-        hardly = f"the turns hardly determine the gyroscope {'xyz'[i]}, whose errors are uncertain by {sigma[i]:.0%}"
-        return [f"{hardly} of the rate: turn the unit about that axis too"]
     if i == j:
         return [f"the gyroscope {'xyz'[i]} reads {D[i, i]:.3g} times its rate: {WRONG_RANGE} of its column"]
     return [

@@ -16,7 +16,7 @@ one for a turn that the accelerometers tell well.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -28,8 +28,17 @@ from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.extra_effects import NO_EXTENSION, Extension
-from gimbalcal.estimate.fit import LEAST_SIGNAL, MIN_NUMBERS_LEFT, ViewsFit, columns_are_independent, fit
+from gimbalcal.estimate.fit import (
+    LEAST_SIGNAL,
+    MIN_NUMBERS_LEFT,
+    MIN_SINGULAR_RATIO,
+    ViewsFit,
+    columns_are_independent,
+    fit,
+)
+from gimbalcal.estimate.gyroscopes.residual_checks import MAX_ASTRAY
 from gimbalcal.estimate.term_selection import needed_significance, number_of_coefficients, refusal_sentence
+from gimbalcal.inference.information import prior
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
@@ -41,6 +50,8 @@ from gimbalcal.views.turns import Turns, gravity_after_turns, logged_turns, turn
 BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
 MIN_DWELLS = 6  # four unknowns an axis, and something to test them on
 MIN_RESTS = 6  # fewer do not tell a pattern of the attitude from chance
+MAX_USUAL_SIGMAS = 200.0  # of a parameter that the turns determine: 20 % of scale, 17 deg
+ROUNDING = 1e-6  # of the share of a parameter that rows resolve
 MIN_TURNS = 12  # turns: twice as many numbers, for nine parameters of the linear model and what is asked beyond
 
 
@@ -50,7 +61,8 @@ def rests_joined_by_turns(recording: Recording, accelerometers: Calibration, tur
     if turns is not None and not recording.platform.axes and logged_turns(recording):
         linear: tuple[Effect, ...] = ()
         with suppress(InputError):  # the turns may not determine all of it
-            linear = fit_turns(turns, GYROSCOPE_INPUT_TERMS).effects
+            unseen = undetermined_parameters(turns, accelerometers, GYROSCOPE_INPUT_TERMS)
+            linear = fit_turns(turns, GYROSCOPE_INPUT_TERMS, unseen=unseen).effects
         carried = dict(zip(turns.ends.tolist(), swept_rotation(turns, linear), strict=True))
     return rest_rates(recording, accelerometers, turns.scale if turns else 1.0, carried)
 
@@ -97,13 +109,16 @@ def by_motion(extra: Extension, still: View) -> tuple[Extension, Extension]:
     return Extension(extra.effects, rest), Extension(extra.effects, moving)
 
 
-def fit_turns(turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSION) -> ViewsFit:
+def fit_turns(
+    turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSION, unseen: Collection[Parameter] = ()
+) -> ViewsFit:
     """Fit the terms' parameters, and those of extra effects, to gravity after each turn.
 
-    Raises InputError where there are fewer turns than parameters ask for, or none that tells some of them apart.
+    unseen: parameters of the terms that are left out. Raises InputError where there are fewer turns than parameters ask
+    for, or none that tells some of them apart.
     """
     view = gravity_after_turns(turns)
-    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *extra.parameters)
+    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t]) if p not in unseen), *extra.parameters)
     if 2 * len(view) < len(wanted):
         raise InputError(
             f"{number_of(len(view), 'turn')} for {number_of(len(wanted), 'parameter')} that are asked "
@@ -113,6 +128,27 @@ def fit_turns(turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSIO
     if not columns_are_independent(view.evaluate(extra.effects).jacobian(sizes).reshape(-1, len(sizes))):
         raise InputError(f"nothing in {number_of(len(view), 'turn')} tells all of {', '.join(terms)} apart")
     return fit([view], wanted, extra.effects, min_signal=LEAST_SIGNAL)
+
+
+def undetermined_parameters(turns: Turns, accelerometers: Calibration, terms: Sequence[str]) -> tuple[Parameter, ...]:
+    """Return parameters of the terms that the turns leave uncertain by more than any gyroscope is off.
+
+    A unit that turned about one axis shows what all gyroscopes read of that rate; of the scale of the others it shows
+    next to nothing, and a fit makes any of it. The covariance is that of rows about sensors without errors, by what a
+    linear model leaves of them, or `MAX_ASTRAY` where that is more, as a wrong range does.
+    """
+    rows = gravity_after_turns(turns, accelerometers).evaluate(())
+    wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
+    J, r = rows.jacobian(wanted).reshape(-1, len(wanted)) * prior(wanted)[1], rows.residual.ravel()
+    inverse = np.linalg.pinv(J, rcond=MIN_SINGULAR_RATIO)
+    resolution = inverse @ J
+    left = r - J @ (inverse @ r)
+    noise = min(float(np.sqrt(left @ left / max(len(r) - np.trace(resolution), 1.0))), MAX_ASTRAY)
+    variance = noise**2 * (inverse**2).sum(axis=1)
+    if rows.nuisance is not None:
+        variance += ((inverse @ rows.nuisance.reshape(len(r), -1)) ** 2).sum(axis=1)
+    unclear = (variance > MAX_USUAL_SIGMAS**2) | (np.diag(resolution) < 1 - ROUNDING)
+    return tuple(p for p, each in zip(wanted, unclear, strict=True) if each)
 
 
 def with_reference_error(fitted: ViewsFit, turns: Turns, accelerometers: Calibration) -> ViewsFit:

@@ -38,8 +38,11 @@ TRUTH: tuple[Effect, ...] = (
 BENT = GyroScaleNonlinearity(K=np.array([2e-3, -1e-3, 1.5e-3]))
 
 
-def hand(effects, noise, count=24, seed=0, temperature=None):
-    """A unit turned from rest to rest about random axes by random angles; its accelerometers are perfect."""
+def hand(effects, noise, count=24, seed=0, temperature=None, wobble=1.0):
+    """A unit turned from rest to rest about random axes by random angles; its accelerometers are perfect.
+
+    wobble: share of the turns about x and z, 0 on a jig that turns about y alone.
+    """
     rng = np.random.default_rng(seed)
     bump = np.sin(np.linspace(0, np.pi, TURN)) ** 2
     rates, forces, position = [], [], []
@@ -48,7 +51,7 @@ def hand(effects, noise, count=24, seed=0, temperature=None):
         rates += [np.zeros((REST, 3))]
         forces += [np.tile(f, (REST, 1))]
         position += [np.full(REST, k + 1)]
-        axis = rng.standard_normal(3)
+        axis = rng.standard_normal(3) * [wobble, 1.0, wobble]
         turn = axis / np.linalg.norm(axis) * rng.uniform(1, 3) / (bump.sum() * STEP)
         rates += [turn * bump[:, None]]
         steps = exponential(rates[-1] * STEP)
@@ -77,6 +80,25 @@ def test_truth_comes_back_within_its_uncertainty():
         errors.append((made.values - truth_of(TRUTH, made)) / made.sigmas)
     spread = np.sqrt(np.mean(np.square(errors)))
     assert 0.5 < spread < 1.5  # 48 normal numbers, sigma scaled to 39 degrees of freedom: 0.12, with room for both
+
+
+def test_a_unit_that_turned_about_one_axis_shows_no_scale_of_the_other_gyroscopes():
+    """On such a jig their scale came out as -890000 +- 220000 ppm, and that as determined."""
+    recording = hand(TRUTH, 0.02, wobble=0.001)
+    made = gyroscopes_between_rests(recording, multiposition(recording, ("bias",)))
+    scale = {p.axis for p in made.parameters if p.effect == "gyro_scale_factor"}
+    assert scale == {"y"}
+    unseen = {label for u in made.unobservable for label in u.direction}
+    assert {"gyro_scale_factor:x", "gyro_scale_factor:z"} <= unseen
+    assert np.all(np.abs(made.values - truth_of(TRUTH, made)) < 4 * made.sigmas)
+    assert "turn the unit farther about x and z too" in made.outcome
+
+
+def test_a_wrong_range_is_no_reason_to_call_a_scale_undetermined():
+    doubled = (GyroScaleFactor(s=np.array([1.0, 1.0, 1.0])),)
+    recording = hand(doubled, 2e-3)
+    made = gyroscopes_between_rests(recording, multiposition(recording, ("bias",)), LINEAR)
+    assert {p.axis for p in made.parameters if p.effect == "gyro_scale_factor"} == set("xyz")
 
 
 def test_a_recording_may_begin_while_the_unit_moves():
@@ -198,4 +220,6 @@ def test_the_temperature_of_each_turn_counts():
         assert abs(value - s_T[i]) < 4 * sigma < 2e-4
     constant = replace(recording, channels=recording.channels | {("temperature", ""): np.full(len(warm), 20.0)})
     declined = gyroscopes_between_rests(constant, multiposition(recording, ("bias",)))
-    assert "is left out: nothing in 40 turns" in declined.provenance["options"]["declined"]["gyro_scale_temperature"]
+    assert (
+        "is left out: the turns hardly show it" in declined.provenance["options"]["declined"]["gyro_scale_temperature"]
+    )
