@@ -62,8 +62,6 @@ PIECES = 200  # of them at a time: their sums stay in the cache of a processor
 RAW_TURNING = 100.0  # times the usual distance from the level, of counts whose size nobody knows
 TURNING = np.radians(1.0)  # rad/s off the usual level, more than the Earth's rate and any drift of a bias
 
-Windows = list[tuple[Array, Array]]  # of each channel of a triad: mean and variance in every window
-
 _LAST: list[tuple[list[weakref.ref[Array]], NDArray[np.int64]]] = []
 """Columns that were searched last, and their positions: checks and estimator of a long recording ask for the same."""
 
@@ -92,19 +90,18 @@ def detect_rests(
     level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
     quiet_rate = 0.0 if raw else QUIET_RATE
     small = (QUIET_FORCE * level if gravity else quiet_rate, quiet_rate)
-    m, floor, variances, of_rates = _longest_window(triads, n, step, small)
+    m, floor, variances = _longest_window(triads, n, step, small)
     loud = gravity and len(channels) == 3 and np.sqrt(floor.sum()) > MAX_NOISE_SHARE * level
     if m == 0 or (loud and np.sqrt(floor.sum()) > max(map(_quantum, triads[0]))):  # coarse steps are no vibration
         return position
-    restless = np.zeros(n)
     for v, f in zip(variances, floor, strict=True):
-        scaled = v / f if f > 0 else np.where(v > 0, np.inf, 0.0)
-        np.maximum(restless, np.pad(scaled, m // 2, mode="edge"), out=restless)
+        v[:] = np.divide(v, f, out=v) if f > 0 else np.where(v > 0, np.inf, 0.0)
+        np.maximum(variances[0], v, out=variances[0])
+    restless = np.pad(variances[0], m // 2, mode="edge")
     del variances
     still = restless <= _threshold(m)
     if rates and still.any():
-        still &= ~_turning_rows(triads[1], of_rates, still, raw)
-    del of_rates
+        still &= ~_turning_rows(triads[1], m, still, raw)
     pause = np.diff(time, prepend=time[0])
     paused = pause > max(10 * step, PAUSE)
     starts, stops = _stretches(still, paused)
@@ -154,9 +151,9 @@ def with_rests(recording: Recording) -> Recording:
 
 def _longest_window(
     triads: Sequence[Sequence[Array]], n: int, step: float, small: Sequence[float]
-) -> tuple[int, Array, list[Array], Windows]:
-    """Return the rows m of the longest window whose floor is noise, or 0, the floors of the first triad, its variances
-    in every window, and the windows of the second.
+) -> tuple[int, Array, list[Array]]:
+    """Return the rows m of the longest window whose floor is noise, or 0, the floors of the first triad, and its
+    variances in every window.
 
     small: scatter of each triad that no motion has, whether it grows with the window or not.
     """
@@ -164,22 +161,20 @@ def _longest_window(
     m, longer = max(ROWS, round(WINDOW / step)) | 1, MAX_LONGER_WINDOWS  # odd: the window has a middle
     while longer > 1 and longer * m * step >= SHORTEST_DWELL:
         if n > (longer + 1) * m:
-            quiet, windows, variances = np.ones(len(FLOORS), dtype=bool), Windows(), list[Array]()
+            quiet, variances = np.ones(len(FLOORS), dtype=bool), list[Array]()
             for triad, quantised, limit in zip(triads, least, small, strict=False):
-                windows = []  # before those of the second triad: of the first one the variances alone are needed
-                windows += [_window_statistics(x, m) for x in triad]
-                within, long = zip(*(_short_and_long(*each, m, longer) for each in windows), strict=True)
-                alike, variances = bool(variances), variances or [v for _, v in windows]
-                short = within if alike else variances
+                alike = bool(variances)
+                short, long = zip(*(_short_and_long(x, m, longer, alike) for x in triad), strict=True)
+                variances = variances or [*short]
                 quiet &= _is_quiet(short, long, m, longer, len(triad) * quantised, limit, alike)
                 if not quiet.any():
                     break
             else:
                 q, z = FLOORS[int(np.argmax(quiet))]
                 floor = np.array([np.quantile(v, q) for v in variances]) / _chi_square(m - 1, z)
-                return m, np.maximum(floor, least[0]), variances, windows
+                return m, np.maximum(floor, least[0]), variances
         m, longer = (min(int(m / 1.2) | 1, m - 2), MAX_LONGER_WINDOWS) if m > MIN_ROWS else (m, longer - 1)
-    return 0, np.zeros(0), [], []
+    return 0, np.zeros(0), []
 
 
 def _is_quiet(
@@ -207,17 +202,19 @@ def _is_quiet(
     return out
 
 
-def _short_and_long(mean: Array, variance: Array, m: int, longer: int) -> tuple[Array, Array]:
-    """Return of some windows of `longer` times m samples the mean variance of their short ones, and that of the whole.
+def _short_and_long(x: Array, m: int, longer: int, alike: bool) -> tuple[Array, Array]:
+    """Return the variance of x (n,) in every window of m samples, and in some windows of `longer` times m samples.
 
-    Both are without bias in white noise; mean and variance are those of every window of m samples.
+    alike: instead of the former, the mean variance of the short windows in each of the long ones; both are then without
+    bias in white noise.
     """
+    mean, variance = _window_statistics(x, m)
     count, step = len(mean) - (longer - 1) * m, max(1, longer * m // OVERLAP)
     parts = [slice(k, k + count, step) for k in range(0, longer * m, m)]
     level = np.asarray(sum(mean[part] for part in parts) / longer)
     within = np.asarray(sum(variance[part] for part in parts) / longer)
     between = np.asarray(sum((mean[part] - level) ** 2 for part in parts) / longer)
-    return within * m / (m - 1), (within + between) * longer * m / (longer * m - 1)
+    return within * m / (m - 1) if alike else variance, (within + between) * longer * m / (longer * m - 1)
 
 
 def _quantum(x: Array) -> float:
@@ -290,15 +287,18 @@ def _some_rows(channels: Sequence[Array], which: slice) -> Array:
     return np.stack([x[which] for x in channels], axis=1)
 
 
-def _turning_rows(rates: Sequence[Array], windows: Windows, rest: NDArray[np.bool_], raw: bool) -> NDArray[np.bool_]:
-    """Return rows (n,) in which a gyroscope is shaken or turns, measured against what it does in the rows of `rest`."""
+def _turning_rows(rates: Sequence[Array], m: int, rest: NDArray[np.bool_], raw: bool) -> NDArray[np.bool_]:
+    """Return rows (n,) in which a gyroscope is shaken or turns, measured against what it does in the rows of `rest`.
+
+    m: rows of a window.
+    """
     turned = np.zeros(len(rest), dtype=bool)
-    for x, (mean, variance) in zip(rates, windows, strict=True):
-        half = (len(x) - len(mean)) // 2
-        scatter = np.pad(np.sqrt(variance), half, mode="edge")
+    for x in rates:
+        mean, variance = _window_statistics(x, m)
+        scatter = np.pad(np.sqrt(variance, out=variance), m // 2, mode="edge")
         usual = float(np.median(scatter[rest]))
         turned |= scatter > SHAKEN_SCATTER_RATIO * usual
-        level = np.abs(np.pad(mean - np.median(x[rest]), half, mode="edge"))
+        level = np.pad(np.abs(mean - np.median(x[rest]), out=mean), m // 2, mode="edge")
         slow = RAW_TURNING * float(np.median(level[rest])) if raw else TURNING
         turned |= level > max(slow, SHAKEN_SCATTER_RATIO * usual)
     return turned
@@ -310,22 +310,25 @@ def _window_statistics(x: Array, m: int) -> tuple[Array, Array]:
     Sums are taken over `WINDOWS_PER_SUM` windows at a time,
     about their own mean: over an hour at 100 Hz they would drown 1 ug.
     """
-    count = len(x) - m + 1
-    of = -(-count // (WINDOWS_PER_SUM * m))  # pieces, each overlapping the next by a window
-    mean, variance = np.empty((of, WINDOWS_PER_SUM * m)), np.empty((of, WINDOWS_PER_SUM * m))
+    count, width = len(x) - m + 1, WINDOWS_PER_SUM * m
+    of = -(-count // width)  # pieces, each overlapping the next by a window
+    mean, variance = np.empty((of, width)), np.empty((of, width))
     for first in range(0, of, PIECES):
         stop = min(first + PIECES, of)
-        part = x[first * WINDOWS_PER_SUM * m : stop * WINDOWS_PER_SUM * m + m - 1]
-        padded = np.pad(part, (0, (stop - first) * WINDOWS_PER_SUM * m + m - 1 - len(part)), mode="edge")
-        pieces = np.lib.stride_tricks.sliding_window_view(padded, (WINDOWS_PER_SUM + 1) * m - 1)[:: WINDOWS_PER_SUM * m]
+        part = x[first * width : stop * width + m - 1]
+        if stop == of:
+            part = np.pad(part, (0, (stop - first) * width + m - 1 - len(part)), mode="edge")
+        pieces = np.lib.stride_tricks.sliding_window_view(part, width + m - 1)[::width]
         level = pieces.mean(axis=1, keepdims=True)
-        y = np.zeros((stop - first, pieces.shape[1] + 1))
-        y[:, 1:] = pieces - level
+        y = np.zeros((stop - first, width + m))
+        np.subtract(pieces, level, out=y[:, 1:])
         square = np.cumsum(y * y, axis=1)
         np.cumsum(y, axis=1, out=y)
-        about = (y[:, m:] - y[:, :-m]) / m
-        variance[first:stop] = np.maximum((square[:, m:] - square[:, :-m]) / m - about * about, 0.0)
-        mean[first:stop] = about + level
+        about, v = mean[first:stop], variance[first:stop]
+        np.divide(np.subtract(y[:, m:], y[:, :-m], out=about), m, out=about)
+        np.divide(np.subtract(square[:, m:], square[:, :-m], out=v), m, out=v)
+        np.maximum(np.subtract(v, about * about, out=v), 0.0, out=v)
+        about += level
     return mean.ravel()[:count], variance.ravel()[:count]
 
 
