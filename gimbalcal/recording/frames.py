@@ -196,7 +196,7 @@ def _refuse_samples(header: Header, columns: Mapping[str, Array]) -> None:
 
 
 def column_values(samples: str, column: Column, x: Array, dates: Dates) -> Array:
-    """Return a column as float64, a copy because units are applied in place; dates of a clock as seconds in its unit.
+    """Return a column as float64, read-only as it may be the user's; dates of a clock as seconds in its unit.
 
     Raises InputError for what is neither, and for a clock of numbers where the header says dates.
     """
@@ -215,6 +215,8 @@ def column_values(samples: str, column: Column, x: Array, dates: Dates) -> Array
             'unit = "s"'
         )
     try:
-        return np.array(x if np.isrealobj(x) else str(x.dtype), dtype=np.float64)
+        values = np.asarray(x if np.isrealobj(x) else str(x.dtype), dtype=np.float64).view()
     except (TypeError, ValueError):
         raise InputError(f"{where} holds {x.dtype} where real numbers are wanted") from None
+    values.flags.writeable = False
+    return values

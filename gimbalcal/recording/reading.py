@@ -109,7 +109,7 @@ def assemble_recording(
     numbers = next((table.pop(c.name) for c in columns if c.quantity == "position"), None)
     position = numbers if numbers is None or numbers.dtype == np.int64 else np.rint(numbers).astype(np.int64)
     measured = [c for c in columns if c.quantity not in ("time", *UNITLESS)]
-    weight = table.get(next((c.name for c in columns if c.quantity == "weight"), ""), np.ones(0))
+    weight = np.array(table.get(next((c.name for c in columns if c.quantity == "weight"), ""), ()), dtype=float)
     clock = next(c for c in columns if c.quantity == "time")
     time, values = _si(clock, table[clock.name]), {c.name: _si(c, table[c.name]) for c in measured}
     recordings = [
@@ -250,7 +250,9 @@ def _gather_rows(
 
 
 def _si(each: Column, values: Array) -> Array:
+    """Return values in SI, in their own array where it may be written to."""
     if each.quantity == "temperature":
         return celsius(values, each.unit)
     factor = each.sign * to_si(1.0, each.unit)
-    return values if factor == 1.0 else np.multiply(values, factor, out=values)
+    own = values if values.flags.writeable else None
+    return values if own is not None and factor == 1.0 else np.multiply(values, factor, out=own)

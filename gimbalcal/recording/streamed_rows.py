@@ -12,7 +12,7 @@ from gimbalcal.number import Array
 class AllRows:
     """Keeps every row of the stream in one array of each column: `expected` rows, or as many more as come.
 
-    A first batch of all of them, in arrays that may be changed, is kept as it is. whole: the column of whole numbers.
+    A first batch of all of them is kept as it is. whole: the column of whole numbers.
     """
 
     def __init__(self, expected: int = 0, whole: str | None = None) -> None:
@@ -21,16 +21,18 @@ class AllRows:
         self.rows = 0
 
     def add(self, batch: Mapping[str, Array], begins: Array) -> None:
-        """Take in a batch; its memory, of which the reader keeps more than the rows, is let go of."""
+        """Take in a batch."""
         after = self.rows + len(begins)
         for name, x in batch.items():
-            if name not in self.columns and after >= self.expected and x.flags.owndata and x.flags.writeable:
+            if name not in self.columns and after >= self.expected:
                 self.columns[name] = x
                 continue
             if name not in self.columns:
                 self.columns[name] = np.empty(max(self.expected, after), np.int64 if name == self.whole else np.float64)
             column = self.columns[name]
             if len(column) < after:
+                if not column.flags.owndata:
+                    column = self.columns[name] = column.copy()
                 column.resize(after + after // 2, refcheck=False)
             column[self.rows : after] = x
         self.rows = after

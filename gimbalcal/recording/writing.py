@@ -19,6 +19,7 @@ from gimbalcal.recording.header import NAME
 from gimbalcal.recording.record import COLOURED, SENSORS, UNKNOWN_SITE, Key, Recording, Site
 from gimbalcal.units import from_si, is_raw
 
+PACKING = 1  # level of Zstandard: noise packs hardly better at higher ones, which take twice the time
 _SHORT = {"specific_force": "accel", "angular_rate": "gyro", "gimbal_angle": "", "attitude_error": "", "covariate": ""}
 
 
@@ -172,4 +173,7 @@ def _write_rows(recording: Recording, names: dict[str, _Written], path: Path) ->
     if _is_averaged(recording):
         columns["weight"] = recording.weight
     frame = pl.DataFrame({name: np.ascontiguousarray(values) for name, values in columns.items()})
-    frame.write_parquet(path) if path.suffix == ".parquet" else frame.write_csv(path)
+    if path.suffix == ".parquet":
+        frame.write_parquet(path, compression_level=PACKING)
+    else:
+        frame.write_csv(path)

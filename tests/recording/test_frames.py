@@ -38,6 +38,22 @@ def same(a, b):
     assert a.units == b.units
 
 
+@pytest.mark.parametrize("unit", ["m/s^2", "g"])
+@pytest.mark.parametrize("position", [True, False])
+def test_a_recording_has_arrays_of_its_own(unit, position):
+    rng = np.random.default_rng(1)
+    frame = {"t": np.arange(400.0), "w": np.ones(400), "p": np.repeat([1.0, 2.0], 200)}
+    frame |= {a: (a == "z") + 1e-3 * rng.standard_normal(400) for a in "xyz"}
+    before = {name: x.copy() for name, x in frame.items()}
+    columns = {"t": "time [s]", "w": "weight", **({"p": "position"} if position else {})}
+    made = from_frame(frame, columns | {a: f"specific_force {a} [{unit}]" for a in "xyz"})
+    for x in (made.time, made.weight, made.position, *made.channels.values()):
+        assert not any(np.shares_memory(x, each) for each in frame.values())
+        x[:] = 7
+    for name, x in frame.items():
+        np.testing.assert_array_equal(x, before[name])
+
+
 @pytest.mark.parametrize("kind", ["polars", "dictionary", "pandas"])
 def test_a_frame_is_the_file(kind):
     frame = pl.read_csv(XSENS / "samples.csv")
