@@ -22,7 +22,7 @@ from gimbalcal.diagnose.laws.law_claims import (
 )
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.result import Shape
-from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit
+from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit, search_with_loose_readout
 from gimbalcal.diagnose.search.refit import with_constants
 from gimbalcal.diagnose.search.relinearise import about_first_cause
 from gimbalcal.diagnose.search.sensor_random_walks import wandering_in
@@ -119,11 +119,15 @@ def _view_diagnosis(
         verdict = "missing-physics" if any(not f.twins for f in findings) else "not-identifiable"
     elif shapes or walk is not None:
         verdict = "unexplained"
+    loose = None if c.start.exact else search_with_loose_readout(c.missing.fit)
+    if loose is not None and not findings:
+        shapes, verdict = (), verdict if walk is not None else "adequate"
     sigma = row_sigma(c.with_shapes)
     fit, lawful, odds = view_fit(c, sigma), Lawful(), np.inf
     if not c.start.exact and (shapes or not findings or refused):
         progress(law_sentences.SEARCHING)
-        lawful, with_law = laws_of_view(c.missing, sigma, [f"{f.effect}:{f.axis}".rstrip(":") for f in findings])
+        known = [f"{f.effect}:{f.axis}".rstrip(":") for f in findings]
+        lawful, with_law = laws_of_view(loose or c.missing, sigma, known)
         c_law = replace(c, with_shapes=with_law)
         fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
         if lawful.known and not findings and not refused and walk is None:
@@ -146,8 +150,8 @@ def _view_diagnosis(
         shapes = tuple(Shape(channel, diagnosis_sentences.SERIAL_CORRELATION) for channel in serial)
         outcome = diagnosis_sentences.serial_correlation(v, max(serial.values()), len(sigma) ** -0.5)
     if verdict == "adequate" and not c.start.exact:
-        remaining = assemble_library(c.end)
-        fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
+        library = assemble_library(c.end)
+        fit = replace(fit, unseen=detection_limits([(library.candidates, projections_of(c.end, library.X))]))
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,

@@ -37,6 +37,15 @@ def test_a_telescope_that_lacks_nothing(seed):
     assert d.fit["rms_after"] == pytest.approx(np.sqrt(2), rel=0.2)  # two components of an arcsecond, 155 degrees
 
 
+@pytest.mark.parametrize("seed", [0, 3, 7, 12, 13, 14])
+def test_a_readout_that_is_set_loosely_is_neither_a_cause_nor_a_formula(seed):
+    """Azimuth scatters thirty times as much as elevation, so that a scale common to both halves its variance."""
+    r, azimuth = telescope(seed), ("gimbal_angle", "azimuth")
+    scatter = 30 * ARCSEC * np.random.default_rng(seed + 500).standard_normal(len(r.time))
+    d = diagnose([r.with_channels({azimuth: r.channels[azimuth] + scatter})])
+    assert (d.verdict, d.findings, d.laws) == ("adequate", (), ())
+
+
 def test_settings_whose_residuals_resemble_the_next_are_not_without_a_pattern():
     """A noise with a memory is no noise of separate settings; white ones are not correlated by five sigma."""
     m = start_with_baseline(pointing(telescope(1)))

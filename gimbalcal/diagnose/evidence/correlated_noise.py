@@ -22,6 +22,8 @@ WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
 MANY_ROWS = 200  # rows of a view, beyond which a wander of a small share of their variance is visible
 SMALL_WANDER, SMALL_SHARE = (0.95, 0.99, 0.998), (0.03, 0.1, 0.3)  # memory and share of such a wander
 WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
+LOOSE_MEMORY, LOOSE_SHARE = (0.0, 0.8), (0.8, 0.97, 0.997)  # memory and share of what one sensor scatters by itself
+LOOSE_SENSOR = 0.1  # prior probability that one does, by that of no such sensor
 POLES = (
     (0.0, 0.0), (0.5, 0.0), (0.7, 0.3), (0.7, 0.5), (0.85, -0.3), (0.85, 0.0), (0.85, 0.3), (0.85, 0.85),
     (0.95, -0.3), (0.95, 0.0), (0.95, 0.3), (0.95, 0.7), (0.99, -0.3), (0.99, 0.0), (0.99, 0.4),
@@ -74,14 +76,25 @@ def noises_of_unknown_scale(n: int, C: int, rows: Array | None = None) -> tuple[
     return (*out, *(_wandering_covariance(rows, rho, share, WANDERS / len(wanders)) for rho, share in wanders))
 
 
-def _wandering_covariance(rows: Array, rho: float, share: float, prior: float) -> Node:
+def noises_of_loose_sensors(rows: Array) -> tuple[Node, ...]:
+    """Return noises in which one sensor, of columns `rows` (n, C, m), scatters or wanders far more than all channels.
+
+    The readout of an axis that is set loosely, or slips, is seen in one channel and by some share in all rows.
+    """
+    every = [*itertools.product(range(rows.shape[2]), LOOSE_MEMORY, LOOSE_SHARE)]
+    prior = LOOSE_SENSOR / len(every)
+    return tuple(_wandering_covariance(rows[:, :, [k]], rho, share, prior, k + 1) for k, rho, share in every)
+
+
+def _wandering_covariance(rows: Array, rho: float, share: float, prior: float, sensor: int = 0) -> Node:
     r"""Sensors that wander, of columns `rows` (n, C, m): :math:`V = (1 - a) I + a \, H K_\rho H^T`, a their share."""
     n, _, m = rows.shape
     process = first_order(rho)
     h, still = np.append(np.inf, np.ones(n - 1)), np.zeros(n, dtype=bool)  # all of it is new in the first row
     Phi, Q = (np.repeat(x, m, axis=1) for x in (process.transition(h, still), process.diffusion(h, still)))
     root = whitening(Phi, Q, np.sqrt(share / (1 - share)) * rows).of_scale(np.sqrt(1 - share))
-    return Node((("memory", rho), ("share", share)), {}, prior, root.log_determinant, root, 1 - share * rho**2)
+    name = (("memory", rho), ("share", share), *((("loose sensor", float(sensor)),) if sensor else ()))
+    return Node(name, {}, prior, root.log_determinant, root, 1 - share * rho**2)
 
 
 SINGLE_WALKS = tuple(
