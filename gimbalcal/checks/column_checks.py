@@ -170,7 +170,12 @@ def _not_alive(s: StreamChecks, c: Column, pieces: Sequence[Array], sigma: float
     if zeros := _within_dead_band(x, start, stop, quantum):
         cure = "log what the sensor reads, or leave its column out"
         return f"{s.place_of(c, start, stop)}{why}set to zero about it, by a dead band, in {zeros} rows; {cure}"
-    cure = "dead; leave its column" if stop - start == n else "frozen; leave those rows"
+    triad = [o for o in s.sensors if (o.sensor, o.quantity) == (c.sensor, c.quantity)]
+    largest = max((to_si(s.largest(o), o.unit) for o in triad), default=np.inf)
+    stuck = (
+        "at the end of its range; raise that, or leave" if abs(to_si(x[start], c.unit)) >= largest else "frozen; leave"
+    )
+    cure = "dead; leave its column" if stop - start == n else f"{stuck} those rows"
     others = [s.place(*run).rpartition(", ")[2] for run in runs if run != (start, stop)]
     more = [*others[:MAX_STRETCHES], *([f"{len(others) - MAX_STRETCHES} more"] if len(others) > MAX_STRETCHES else [])]
     also = f", and {', '.join(more)} likewise" if others else ""

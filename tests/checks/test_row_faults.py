@@ -182,6 +182,25 @@ def test_a_dead_band_about_zero_is_no_frozen_channel(tmp_path):
         read(at)
 
 
+@pytest.mark.parametrize(("value", "said"), [(-4.0, "at the end of its range; raise that"), (-0.7, "frozen")])
+def test_a_channel_that_stays_at_the_largest_value_of_its_triad_is_not_frozen(tmp_path, value, said):
+    """A unit that was shaken read -39.22 m/s^2, its range of 4 g, for 39 of 27000 rows."""
+    x = np.random.default_rng(5).normal([0.0, 0.0, 1.0], 3e-4, (6000, 3))
+    x[3000:3040] += np.linspace(0, 2.5, 40)[:, None]
+    x[3010:3040, 1], x[3039, 2] = value, 4.0
+    at = tmp_path / "shaken"
+    at.mkdir()
+    (at / "recording.toml").write_text(
+        'format = 1\nkind = "multi-position"\ntitle = "shaken"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
+        + "".join(f'a{a} = {{ quantity = "specific_force", axis = "{a}", unit = "g" }}\n' for a in "xyz")
+    )
+    (at / "samples.csv").write_text(
+        "t,ax,ay,az\n" + "".join(f"{0.02 * k:.2f},{a:.5f},{b:.5f},{c:.5f}\n" for k, (a, b, c) in enumerate(x))
+    )
+    with pytest.raises(InputError, match=f"so the channel is {said}"):
+        read(at)
+
+
 def test_a_channel_behind_a_filter_is_not_frozen_where_it_hardly_changes(tmp_path):
     """Readings of 1 kHz behind a filter of 30 Hz in steps of 0.06 deg/s, one axis quiet; vibration comes before."""
     rng = np.random.default_rng(8)
