@@ -45,6 +45,7 @@ EPOCH_GAIN = 4.0  # nats, of a unit in which the clock states a day of this cent
 MIN_DURATION_S, SHORT_COST = 1.0, 6.0  # of a log, and nats against a unit in which it is shorter
 MIN_ROWS = 3
 MAX_DISTANCE = 2.0  # of the step between stamps, of evenly spaced rows from their stamps
+MAX_UNEVENNESS, MIN_UNEVEN_ROWS = 0.2, 100  # of a step, of a column that nothing calls a clock; or so many rows
 MAX_SENSORS = 8  # that write into one log in turn
 MIN_TURNS = 5  # of all of them, that show so
 SENSOR_CHANGE_RATIO = 3.0  # times the change from one turn to the next: that from sensor to sensor
@@ -215,9 +216,19 @@ def regular_column(log: Log) -> str:
     for name, x in log.unknown.items():
         if len(x) < MIN_ROWS or not np.all(np.isfinite(x)) or is_counter(name) or states_other_unit(name):
             continue
-        if np.all(np.diff(x) > 0) and (clock_jitter(x) < 0.5 or unit_of_epoch(x)) and not counts_rows(x):
+        if np.all(np.diff(x) > 0) and (clock_jitter(x) < 0.5 or unit_of_epoch(x)) and may_be_clock(x):
             return name
     return ""
+
+
+def may_be_clock(x: Array) -> bool:
+    """Return whether a growing column (n,) that nothing calls a clock may be one.
+
+    The number of each row is none, nor what a table of few rows is sorted by, a temperature or an angle, in steps that
+    differ.
+    """
+    even = clock_jitter(x) < MAX_UNEVENNESS or len(x) >= MIN_UNEVEN_ROWS or unit_of_epoch(x) != ""
+    return even and not counts_rows(x)
 
 
 def counts_rows(x: Array) -> bool:

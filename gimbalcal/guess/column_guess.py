@@ -29,14 +29,18 @@ from gimbalcal.inference.ellipsoid import design
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import ROW_STEP_S
 from gimbalcal.recording.detection import step_of_most_changes
+from gimbalcal.recording.dwell import MISSED_ROW_STEPS
 from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.units import to_si
 
 JOINED_CLOCK = "time of two columns"
 MIN_STEP = 0.05  # of the norm of the force, from row to row: no log is so slow, but a table of positions is
 MAX_NORM_SPREAD = 0.1  # of the force at all but a few dwells
 MAX_DWELLS = 2000  # rows of such a table
+MIN_DWELL_STEP_S = 0.5  # from one of its rows to the next
 # rows that show an ellipsoid, and how far from it most rests are, in g
 MIN_ELLIPSOID_ROWS, MAX_OFF_ELLIPSOID = 30, 0.02
+MIN_CLOCK_ROWS, MAX_RESTARTS = 20, 3  # of a column that grows but for so many rows
 MAX_NUMBERED = 100  # rows that are numbered as positions although the force hardly turns: a count of samples has more
 MIN_REPEATED, MIN_READ_ROWS, UNLIKE_REPEATS = 0.4, 100, 3.0  # of the rows; others; times the usual number
 MIN_HELD_ROWS, MIN_PROBABILITY = 20, 1e-6  # equal rows of all sensors that may be held, and that chance leaves so
@@ -68,7 +72,10 @@ def guess_columns(path: Path, table: Table, rate: float, elsewhere: Set[str], un
     log, joined = _by_names(path, table)
     log, note = clocks.single_sensor(log)
     notes |= {"sensor": note} if note else {}
-    log = without_duplicates(_by_values(_in_seconds(log, table), elsewhere, quantity_of_log(path.stem)))
+    every = _by_values(_in_seconds(log, table), elsewhere, quantity_of_log(path.stem))
+    log = without_duplicates(every)
+    further = [n for n in every.names(FORCE, RATE) if n not in log.guesses]
+    notes |= {"further": left_out_in_words(further)} if further else {}
     log, note = _timed_rows(log)
     notes |= {"time": note} if note else {}
     if log.has("time"):
@@ -80,7 +87,7 @@ def guess_columns(path: Path, table: Table, rate: float, elsewhere: Set[str], un
         log = _table_of_dwells(log)
     elif _numbers_each_row(log):  # a count of rows, whatever it is called
         log = log.without("position")
-    log = _with_row_clock(path, log, rate, dwell_rows, table.rate)
+    log = _means_of_increments(_with_row_clock(path, log, rate, dwell_rows, table.rate))
     log, note = _without_held_rows(log)
     notes |= {"held": note} if note else {}
     log, note = _without_repeated_rows(log)
@@ -99,6 +106,36 @@ def guess_columns(path: Path, table: Table, rate: float, elsewhere: Set[str], un
         used |= {name for name in log.columns if (g := by_name(name)) and g.quantity == "sigma"}
     left_out = tuple(name for name in (*table.columns, *table.others) if name not in used)
     return GuessedLog(with_units(log, units), log, left_out, notes)
+
+
+def left_out_in_words(further: Sequence[str]) -> str:
+    """Return what to do about columns of sensors beyond the first triad of each kind, which are left out."""
+    return (
+        f"{', '.join(further)} are of another unit, or the same in another form, and are left out; give `new` a table "
+        "without the columns that are taken for a recording of them"
+    )
+
+
+def _means_of_increments(log: Log) -> Log:
+    """Return the log with mean forces and rates where columns hold increments; counts of these stay, as any counts.
+
+    They are means over the time since the row before, the usual step where that is unknown or rows are missing, in the
+    likeliest unit of the clock.
+    """
+    names = [
+        n for n, g in log.guesses.items() if g.increments and not np.all(log.columns[n] == np.round(log.columns[n]))
+    ]
+    if not names:
+        return log
+    if not is_unit_of("time", log.guesses[log.clock].unit):
+        log = clocks.in_unit(log, clocks.unit_of_time(log.columns[log.clock])[0])
+    step = np.diff(log.seconds, prepend=np.nan)
+    usual = float(np.nanmedian(step))
+    step = np.where((step > 0) & (step < MISSED_ROW_STEPS * usual), step, usual)
+    means = {n: to_si(log.columns[n], log.guesses[n].unit or "1") / step for n in names}
+    why = "an increment since the row before, divided by the time since then"
+    guesses = {n: replace(log.guesses[n], why=f"{log.guesses[n].why}, {why}", increments=False) for n in names}
+    return log.including({n: replace(g, unit="rad/s" if g.unit else "") for n, g in guesses.items()}, means)
 
 
 def _by_names(path: Path, table: Table) -> tuple[Log, tuple[str, ...]]:
@@ -216,7 +253,19 @@ def _rows_are_dwells(log: Log) -> bool:
     force = log.values(FORCE)
     if len(force) != 3:
         return False
-    return (_numbers_each_row(log) and len(force[0]) <= MAX_NUMBERED) or _turns_each_row(force)
+    return (_numbers_each_row(log) and len(force[0]) <= MAX_NUMBERED) or (
+        not _is_sampled(log) and _turns_each_row(force)
+    )
+
+
+def _is_sampled(log: Log) -> bool:
+    """Return whether the clock, in its likeliest unit, ticks faster than a unit is turned from rest to rest."""
+    if not log.has("time"):
+        return False
+    step, unit = float(np.median(np.diff(log.columns[log.clock]))), log.guesses[log.clock].unit
+    if not is_unit_of("time", unit):
+        unit = clocks.unit_of_time(log.columns[log.clock])[0] if step > 0 else "s"
+    return 0 < step * clocks.UNITS[unit] < MIN_DWELL_STEP_S
 
 
 def _numbers_each_row(log: Log) -> bool:
@@ -268,9 +317,23 @@ def _with_row_clock(path: Path, log: Log, rate: float, dwell_rows: bool, stated:
     elif stated:
         rate, why = stated[0], f"its rows, {stated[0]:g} in a second as the log says ({stated[1]!r})"
     else:
-        raise InputError(f"{path}: no column is a clock by its name ({', '.join(log.columns)}); give --rate HZ")
+        restarting = _restarting_clock(log)
+        raise InputError(
+            f"{path}: no column is a clock by its name ({', '.join(log.columns)}){restarting}; give --rate HZ"
+        )
     rows = np.arange(len(next(iter(log.columns.values()))))
     return log.preceded_by("time", Guess("time", "", "s", why), rows / rate if rate > 0 else ROW_STEP_S * rows)
+
+
+def _restarting_clock(log: Log) -> str:
+    """Return where a column that grows evenly as clocks do begins again, in words; empty if none does."""
+    for name, x in log.unknown.items():
+        filled = np.flatnonzero(np.isfinite(x))
+        back = filled[np.flatnonzero(np.diff(x[filled]) < 0) + 1]
+        even = len(filled) >= MIN_CLOCK_ROWS and clocks.clock_jitter(x[filled]) < 0.5
+        if even and 0 < len(back) <= MAX_RESTARTS and not clocks.counts_rows(x[filled[filled < back[0]]]):
+            return f"; {name} grows as one and goes back at row {back[0] + 1}"
+    return ""
 
 
 def with_units(log: Log, stated: Mapping[str, str]) -> Log:

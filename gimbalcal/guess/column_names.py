@@ -142,9 +142,16 @@ _TRIADS = {
     )
     for quantity, words in ((FORCE, _FORCE_WORDS), (RATE, _RATE_WORDS))
 }
+_INCREMENTS = {
+    quantity: re.compile(rf"^({words})_?(?:(?:{_QUALIFIERS})_)?(?P<axis>[xyz012])(_|$)")
+    for quantity, words in (
+        (RATE, "(?:delta|del|d)_?(?:theta|angle|ang|wb|w)|ang(?:le|ular)?_incr?(?:ement)?"),
+        (FORCE, "(?:delta|del|d)_?(?:velocity|vel|vb|v)|vel(?:ocity)?_incr?(?:ement)?"),
+    )
+}
 _LETTERS = by_spelling(
     {"ss": "ß", " deg ": "°", " arcsec ": "″", " arcmin ": "′", "u": "µ μ", "": "^", " alpha ": "α", " beta ": "β"}
-    | {" gamma ": "γ", " theta ": "θ ϑ", " phi ": "φ ϕ", " psi ": "ψ", " omega ": "ω Ω", " delta ": "δ"}
+    | {" gamma ": "γ", " theta ": "θ ϑ", " phi ": "φ ϕ", " psi ": "ψ", " omega ": "ω Ω", " delta ": "δ Δ"}
 )
 
 
@@ -215,6 +222,8 @@ def by_name(name: str, hint: str = "") -> Guess | None:
         return None if unit == "count" else Guess("temperature", "", unit, why)
     if _POSITION.match(words):
         return Guess("position", "", "", why)
+    if (increment := _increment(words, why)) is not None:
+        return increment
     triad = _triad(words)
     if triad:
         return Guess(*triad, why)
@@ -240,6 +249,20 @@ def counted_from_one(names: Iterable[str]) -> dict[str, Guess]:
             if guess and guess.quantity in (FORCE, RATE):
                 out[own[digit]] = replace(guess, why=f"its name {own[digit].strip()!r}, of three counted from 1")
     return out
+
+
+def _increment(words: str, why: str) -> Guess | None:
+    """Return the guess about a column of increments of angle or velocity; None for others."""
+    parts = words.split("_")
+    if NOT_A_TRIAD.intersection(parts):
+        return None
+    for k in range(len(parts)):
+        rest = "_".join(parts[k:])
+        for quantity, pattern in _INCREMENTS.items():
+            if match := pattern.match(rest):
+                unit = unit_written(_rest(rest, match))
+                return Guess(quantity, AXIS[match["axis"]], unit if unit in ANGLES else "", why, increments=True)
+    return None
 
 
 def _triad(words: str) -> tuple[str, str, str] | None:

@@ -13,7 +13,7 @@ import numpy as np
 from gimbalcal.checks.forces import MAX_RANGE_ERROR, other_range
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
-from gimbalcal.guess.clocks import counts_rows
+from gimbalcal.guess.clocks import may_be_clock
 from gimbalcal.guess.column_names import NOT_A_TRIAD, by_name, is_counter, plain_name, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.number import Array
@@ -35,6 +35,7 @@ ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are print
 MAX_UNEVENNESS = 3.0  # nats, between the scatter of the axes of one triad
 MIN_FILLED = 0.9  # of the rows of a column that is looked at
 MIN_STAMPS = 10  # distinct values, at the least, of a clock without a name
+MIN_STANDING_ROWS = 10  # on average, in which a place stands
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbers
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
@@ -54,8 +55,8 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     filled = np.isfinite(np.stack([*columns.values()])).all(axis=0) if columns else np.zeros(0, dtype=bool)
     columns = {name: x[filled] for name, x in columns.items()} if filled.any() else {}
     growing = [name for name, x in columns.items() if len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]]
-    names = [name for name, x in columns.items() if name not in growing and np.nanmin(x) < np.nanmax(x)]
-    if clock := next((n for n in growing if not counts_rows(columns[n]) and _has_stamps(columns[n])), ""):
+    names = [name for name, x in columns.items() if name not in growing and not _stands_still(x)]
+    if clock := next((n for n in growing if may_be_clock(columns[n]) and _has_stamps(columns[n])), ""):
         which = "first" if clock == next(iter(columns)) else "first of those"
         out[clock] = Guess("time", "", "", f"the {which} column, which grows from row to row")
 
@@ -76,6 +77,16 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     rates.sort(key=lambda t: not all(map(_returns_to_a_level, values(t))))  # a magnetometer does not
     out |= _triads(forces[:1], FORCE, lambda _: "", "three columns whose length hardly changes")
     return out | _triads(rates[:1], RATE, lambda _: "", "three columns beside the forces")
+
+
+def _stands_still(x: Array) -> bool:
+    """Return whether a column (n,) holds one value, or stands at values that it comes back to, as a place does.
+
+    So does a sensor at rest, but in its steps; what a recorder held does not come back.
+    """
+    values, stretches = len(np.unique(x)), int(np.count_nonzero(np.diff(x))) + 1
+    comes_back = 1.5 * values < stretches <= len(x) / MIN_STANDING_ROWS
+    return values == 1 or (values > 2 and comes_back and quantum(x) == 0)
 
 
 def _has_stamps(x: Array) -> bool:
@@ -318,9 +329,10 @@ def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple
 
 
 def _is_clock(name: str, x: Array) -> bool:
-    """Return whether a column (n,) is a clock or counter by its name, or by growing from row to row."""
+    """Return whether a column (n,) is a clock or counter by its name, or grows from row to row but for a few."""
     guess = by_name(name)
-    return (guess is not None and guess.quantity == "time") or is_counter(name) or bool(np.all(np.diff(x) > 0))
+    grows = bool(np.mean(np.diff(x) > 0) > MIN_FILLED)
+    return (guess is not None and guess.quantity == "time") or is_counter(name) or grows
 
 
 def _are_counts(triad: Sequence[Array]) -> bool:

@@ -18,7 +18,8 @@ from gimbalcal.units import to_si
 class Guess:
     """What one column holds, in the terms of recording.toml, and why; the unit may be left open.
 
-    open: whether the unit is the likeliest of several by the numbers alone, so that others may be tried.
+    open: whether the unit is the likeliest of several by the numbers alone, so that others may be tried. increments:
+    whether the column holds what the quantity added up to since the row before, in its unit times seconds.
     """
 
     quantity: str
@@ -26,6 +27,7 @@ class Guess:
     unit: str
     why: str
     open: bool = False
+    increments: bool = False
 
     @property
     def in_words(self) -> str:

@@ -20,7 +20,7 @@ from gimbalcal.checks.table import CHECKS, refuse_implausible
 from gimbalcal.errors import InputError, list_of_alternatives, number_of
 from gimbalcal.guess.attitude import motion_cost, with_reference
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon, refuse_single_places
-from gimbalcal.guess.column_guess import guess_columns, with_units
+from gimbalcal.guess.column_guess import guess_columns, left_out_in_words, with_units
 from gimbalcal.guess.column_names import by_name, is_estimated, quantity_of_log
 from gimbalcal.guess.column_values import MAX_BIAS_DEG_S, changes_direction
 from gimbalcal.guess.gimbal_chain import chain_among, encoder_angles, gimbal_chain
@@ -201,6 +201,11 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
         title = f"{title} and {len(tables) - 1} more" if title == first.stem else title
     (_, log), *others = slowest_first([(path, each.log) for path, each in read.items()])
     for path, other in others:
+        known = {(g.quantity, g.axis) for g in log.guesses.values()}
+        if further := [
+            n for n in other.names(FORCE, RATE) if (other.guesses[n].quantity, other.guesses[n].axis) in known
+        ]:
+            notes["further"] = f"{path.name}: {left_out_in_words(further)}"
         log = on_one_clock(path, log, other)
     left_out = tuple(name for each in read.values() for name in each.left_out)
     context = _Context(title, place.site, {**notes, **read[first].notes}, left_out)

@@ -17,7 +17,7 @@ from gimbalcal.words import naming
 from gimbalcal.words.rounding import duration_in_words, sensible_time, significant
 
 # lines of the header before which notes on the whole recording are written
-HEADED = {"kind": ("kind", "signs", "order", "hours", "sky", "sign", "unit"), "samples": ("samples",),
+HEADED = {"kind": ("kind", "signs", "order", "hours", "sky", "sign", "unit", "further"), "samples": ("samples",),
           "[site]": ("site",), "[platform]": ("platform",), "[noise]": ("noise", "sigma")}  # fmt: skip
 NEXT = "Next: correct recording.toml where a guess below is wrong, then `gimbalcal calibrate` this folder."
 MAX_NUMBERS = 60  # of dwells; more would overlap

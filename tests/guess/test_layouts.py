@@ -489,3 +489,70 @@ def test_the_triad_of_a_column_of_two_s_complement_has_signs():
     np.testing.assert_array_equal(columns["gz"], np.round(true["gz"]))
     centred = {**logged, "gz": 2**15 + np.round(9000 * np.sin(k / 200))}
     assert signed_counts(centred)[1] == ()
+
+
+@pytest.mark.parametrize("names", ["dWb_{}", "delta_theta_{} [rad]", "dAng{}", "delAng_{}", "angle_increment_{}"])
+def test_increments_of_angle_and_velocity_are_divided_by_their_time(names, tmp_path):
+    t, f, w = turned()
+    step = float(np.median(np.diff(t)))
+    head = ",".join(["time", *(f"dVel_{a}" for a in "xyz"), *(names.format(a) for a in "XYZ")])
+    found = propose_recording([rows(tmp_path / "log.csv", head, t, *(f * step).T, *(w * step).T)])
+    same(found, t, f, w)
+
+
+def test_counts_of_increments_stay_counts(tmp_path):
+    t, f, w = turned()
+    head = "time,acc_x,acc_y,acc_z,dtheta_x,dtheta_y,dtheta_z"
+    found = propose_recording([rows(tmp_path / "log.csv", head, t, *f.T, *np.round(3e4 * w).T, cell="{:.9g}")])
+    assert found.recording.counted("angular_rate")
+
+
+def test_a_second_triad_of_accelerometers_is_named(tmp_path):
+    t, f, w = turned()
+    head = "time,imu1_acc_x,imu1_acc_y,imu1_acc_z,gyro_x,gyro_y,gyro_z,imu2_acc_x,imu2_acc_y,imu2_acc_z"
+    found = propose_recording([rows(tmp_path / "log.csv", head, t, *f.T, *w.T, *(1.01 * f).T)])
+    same(found, t, f, w)
+    assert "imu2_acc_x, imu2_acc_y, imu2_acc_z are of another unit" in found.notes["further"]
+    other = rows(tmp_path / "other.csv", "time,ax,ay,az", t, *(1.01 * f).T)
+    first = rows(tmp_path / "one.csv", head.partition(",imu2")[0], t, *f.T, *w.T)
+    found = propose_recording([first, other])
+    assert "other.csv: ax, ay, az are of another unit" in found.notes["further"]
+
+
+def test_a_table_that_is_sorted_by_temperature_has_no_clock(tmp_path):
+    """Thirty bins of some two degrees each were taken for rows a row every 2.3 s."""
+    rng = np.random.default_rng(0)
+    warm = np.cumsum(rng.uniform(1.5, 3.0, 30))
+    force = np.array([0.13, -0.11, G]) + 0.002 * rng.standard_normal((30, 3))
+    path = rows(tmp_path / "bins.csv", "", np.arange(9.0, 39), warm, *force.T, *(0.003 * rng.standard_normal((3, 30))))
+    with pytest.raises(InputError, match="give --rate HZ"):
+        propose_recording([path])
+
+
+def test_rows_of_a_fast_clock_are_no_positions(tmp_path):
+    """Of a unit that a hand turns all the time each row was taken for a position of its own."""
+    t = 3450 + 52.0 * np.arange(60)
+    a = np.linspace(0, 6, 60)
+    rng = np.random.default_rng(0)
+    force = np.array([np.sin(a), np.cos(a), 0.05 * np.sin(5 * a)]) + 0.005 * rng.standard_normal((3, 60))
+    with pytest.raises(InputError, match="the force moves by"):
+        propose_recording([rows(tmp_path / "pos_x.csv", "", t, *force)])
+
+
+def test_where_a_clock_without_a_name_begins_again_is_told(tmp_path):
+    """A board that restarts counts ms from one again; 59231 was taken for -6305 in two's complement."""
+    t = np.r_[59022 + 52 * np.arange(5), 1 + 52 * np.arange(200)]
+    f = np.array([1.0, 0, 0])[:, None] + 0.01 * np.random.default_rng(0).standard_normal((3, 205))
+    with pytest.raises(InputError, match="1 grows as one and goes back at row 6; give --rate HZ"):
+        propose_recording([rows(tmp_path / "log.csv", "", t, *f)])
+
+
+def test_places_of_stations_are_no_accelerometers(tmp_path):
+    """The latitude of a gravimeter's stations, 35.14 deg, is as large as gravity in ft/s^2."""
+    rng = np.random.default_rng(0)
+    at = np.repeat(rng.integers(0, 12, 40), 15)
+    latitude, longitude = 35.14 + 0.01 * rng.random(12), -0.67 + 0.01 * rng.random(12)
+    n = len(at)
+    columns = [np.arange(n) * 6.1, 0.01 * rng.standard_normal(n), latitude[at], longitude[at]]
+    with pytest.raises(InputError, match="no three columns are a triad"):
+        propose_recording([rows(tmp_path / "B44.txt", "", *columns, cell="{:.9g}")])
