@@ -101,12 +101,23 @@ def _refuse_beyond(s: StreamChecks, limits: Mapping[str, float], what: str, posi
         if s.largest(c) <= limit:
             continue
         x = s.whole(c.name)
-        rows = np.flatnonzero((np.abs(x) > limit) & (s.whole(position.name) > 0 if position else True))
+        beyond = np.abs(x) > limit
+        if position:
+            beyond &= _are_few_of_their_rest(s.whole(position.name), beyond)
+        rows = np.flatnonzero(beyond)
         if 0 < len(rows) < 0.5 * len(x):
             others = f" (one of {len(rows)} such rows)" if len(rows) > 1 else ""
             why = f"{x[rows[0]]:.6g} {c.unit} is beyond anything that {what}{others}; leave such rows out"
             return s.place_of(c, int(rows[0])) + why
     return ""
+
+
+def _are_few_of_their_rest(position: Array, beyond: Array) -> Array:
+    """Return which rows (n,) are of a rest of which few are beyond a limit: of most it is a steady turn on a table."""
+    number = np.where(position > 0, position, 0).astype(int)
+    rows, many = np.bincount(number), np.bincount(number, weights=beyond)
+    turning = (rows >= MIN_ROWS) & (many > 0.5 * rows)
+    return (number > 0) & ~turning[number]
 
 
 def frozen_or_clipped(s: StreamChecks) -> str:

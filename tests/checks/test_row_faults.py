@@ -182,6 +182,30 @@ def test_a_dead_band_about_zero_is_no_frozen_channel(tmp_path):
         read(at)
 
 
+def test_gyroscopes_that_a_table_turned_at_sixty_degrees_a_second_read_no_faulty_rows(tmp_path):
+    """A log of six steady turns was proposed by `new` for `noise`, and refused by it."""
+    rate = np.random.default_rng(5).normal(0.0, 1e-3, (600, 3))
+    for k in range(6):
+        rate[100 * k : 100 * k + 100, k // 2] += 1.047 * (-1) ** k
+
+    def recording(rate, name):
+        at = tmp_path / name
+        at.mkdir()
+        (at / "recording.toml").write_text(
+            'format = 1\nkind = "multi-position"\ntitle = "turns"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
+            'p = { quantity = "position" }\n'
+            + "".join(f'w{a} = {{ quantity = "angular_rate", axis = "{a}", unit = "rad/s" }}\n' for a in "xyz")
+        )
+        body = (f"{0.01 * k:.2f},{k // 100 + 1},{a:.6f},{b:.6f},{c:.6f}\n" for k, (a, b, c) in enumerate(rate))
+        (at / "samples.csv").write_text("t,p,wx,wy,wz\n" + "".join(body))
+        return at
+
+    assert len(read(recording(rate, "steady")).time) == 600
+    rate[250:256, 0] = 1.2
+    with pytest.raises(InputError, match="beyond anything that a unit at rest can read"):
+        read(recording(rate, "spike"))
+
+
 @pytest.mark.parametrize(("value", "said"), [(-4.0, "at the end of its range; raise that"), (-0.7, "frozen")])
 def test_a_channel_that_stays_at_the_largest_value_of_its_triad_is_not_frozen(tmp_path, value, said):
     """A unit that was shaken read -39.22 m/s^2, its range of 4 g, for 39 of 27000 rows."""
