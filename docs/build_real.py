@@ -327,15 +327,16 @@ seconds at a time for the table. The panels show the misfit before (grey) and af
 UNSEEN = """
 ## Recordings of other repositories
 
-291 recordings, six of them simulated, taken from public repositories after the program was written. Sixteen, from
+315 recordings, six of them simulated, taken from public repositories after the program was written. Sixteen, from
 Mansha-Ajmani/imu-noise-analysis on, were looked at once, when everything else had been measured, and those that follow
-after further changes, the last eleven groups, of thirteen, of seventeen, of eleven, of twelve, of fifteen, of twelve,
-of fifteen and four of twelve, at once each. The last two are halves of twenty-four, drawn at random: the last run of
-the first half is that after what it showed had been corrected, and the second half was run once, after that. The five
-groups of twelve that were chosen before any of them was run, and run once, are right or honestly refused for the true
-reason in eight, eight, four, seven and eight recordings; none is falsely green or a crash. Each was examined
-independently in plain numpy and then run through `new`, `calibrate`, `diagnose` or `noise` as a user would. The first
-run is that of the program as it was; the verdicts compare it with the independent fit, by hand:
+after further changes, the last thirteen groups, of thirteen, of seventeen, of eleven, of twelve, of fifteen, of twelve,
+of fifteen and six of twelve, at once each. The last two but two are halves of twenty-four, drawn at random: the last
+run of the first half is that after what it showed had been corrected, and the second half was run once, after that. The
+five groups of twelve before the last two that were chosen before any of them was run, and run once, are right or
+honestly refused for the true reason in eight, eight, four, seven and eight recordings; none is falsely green or a
+crash. The last two were run before what they showed was corrected, all but the last recording, and are so in eleven and
+nine. Each was examined independently in plain numpy and then run through `new`, `calibrate`, `diagnose` or `noise` as a
+user would. The first run is that of the program as it was; the verdicts compare it with the independent fit, by hand:
 
 * *right*: as the independent fit;
 * *half right*: usable after a correction by the user, or with one wrong statement;
