@@ -79,7 +79,8 @@ def sensitivity(
     stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
     J = linearise(BENCH, s, effects, KIND, CHANNELS, stages=stages).jacobian(wanted)
     if any(np.any(np.asarray(v) != 0) for e in effects for v in vars(e).values()):
-        J = np.linalg.solve(complex_step(lambda x: _read(s, effects, x), u[few]), J)
+        # matrices near 1: a product with their inverses takes a third of the time of `solve`, with 51 columns each
+        J = np.linalg.inv(complex_step(lambda x: _read(s, effects, x), u[few])) @ J
     return -J[rows.start - few.start : rows.stop - few.start]
 
 
