@@ -23,6 +23,7 @@ MIN_WHOLE = 0.5  # share of the rows that hold a quaternion
 MAX_UNIT_COST = 30.0  # nats
 SMOOTHED_S = 0.3  # s, over which the direction of the force is averaged
 MIN_TURN_RAD = 3.0  # rad in all, of a log that shows by its motion how far its gyroscopes turned
+UNITS = (1.0, 2.0**14, 2.0**15, 2.0**30)  # norms of quaternions
 _COMPONENT = re.compile(r"(?P<stem>.*?)_?(?P<which>[wxyz0-3])")
 _REFERENCE = re.compile(
     r"(^|_)(vicon|opt|optical|optitrack|qualisys|mocap|motion_capture|ref|reference|truth|true|ground_?truth|gt|camera"
@@ -31,7 +32,7 @@ _REFERENCE = re.compile(
 
 
 def quaternions(log: Log) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield the stem and the columns w, x, y, z of four columns whose norm is 1."""
+    """Yield the stem and the columns w, x, y, z of four columns of norm 1, or of a fixed-point 1."""
     stems: dict[str, dict[str, str]] = {}
     for name in log.unknown:
         if is_anonymous(name):
@@ -41,7 +42,7 @@ def quaternions(log: Log) -> Iterator[tuple[str, tuple[str, ...]]]:
     for stem, own in stems.items():
         letters = next((order for order in ("wxyz", "0123") if set(order) <= set(own)), "")
         names = tuple(own[letter] for letter in letters)
-        if names and _is_unit(np.stack([log.columns[n] for n in names])):
+        if names and _unit_of(np.stack([log.columns[n] for n in names])):
             yield stem, names
 
 
@@ -57,7 +58,8 @@ def with_reference(log: Log) -> tuple[Log | None, str]:
             continue
         why = f"four columns of norm 1, of a reference by the name {stem!r}"
         guesses = {n: Guess("attitude", q, "1", why) for n, q in zip(names, COMPONENTS, strict=True)}
-        whole = log.without("position").including(guesses)
+        unit = _unit_of(np.stack([log.columns[n] for n in names]))
+        whole = log.without("position").including(guesses, {n: log.columns[n] / unit for n in names})
         rows = np.isfinite(np.stack([whole.columns[n] for n in whole.guesses])).all(axis=0)
         return whole.rows(rows), "" if rows.all() else f"{int((~rows).sum())} rows lack a value and are left out"
     return None, note
@@ -114,7 +116,10 @@ def motion_cost(log: Log) -> float:
     return float(min(0.5 * (np.log(ratio) / spread) ** 2, MAX_UNIT_COST))
 
 
-def _is_unit(q: Array) -> bool:
+def _unit_of(q: Array) -> float:
+    """Return the length of quaternions q (4, n), that of a usual fixed-point number or 1; 0 where they have no such."""
     whole = np.isfinite(q).all(axis=0)
     norm = np.linalg.norm(q[:, whole], axis=0)
-    return bool(whole.mean() > MIN_WHOLE and np.mean(np.abs(norm - 1) < MAX_NORM_ERROR) > 0.9)
+    if whole.mean() <= MIN_WHOLE:
+        return 0.0
+    return next((u for u in UNITS if np.mean(np.abs(norm / u - 1) < MAX_NORM_ERROR) > 0.9), 0.0)

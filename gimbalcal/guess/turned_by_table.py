@@ -15,7 +15,16 @@ import numpy as np
 from gimbalcal.checks.driven_rates import MAX_RESIDUAL, DrivenTurn, driven_turn
 from gimbalcal.checks.input_errors import successful_trials
 from gimbalcal.effects.history import integral
-from gimbalcal.guess.column_names import axis_word, is_commanded, is_estimated, plain_name, rate_word, unit_written
+from gimbalcal.guess.attitude import quaternions
+from gimbalcal.guess.column_names import (
+    axis_word,
+    by_name,
+    is_commanded,
+    is_estimated,
+    plain_name,
+    rate_word,
+    unit_written,
+)
 from gimbalcal.guess.column_values import RATE_UNIT_COSTS, changes_direction
 from gimbalcal.guess.gimbal_chain import MAX_AXES, MAX_COLUMNS, QUARTER_TURNS, chains, encoder_angles, usual_platform
 from gimbalcal.guess.log import Guess, Log
@@ -28,6 +37,7 @@ from gimbalcal.units import to_si
 ANGLE_UNITS, RATE_UNITS_OF_TABLE = ("deg", "rad", "rev"), ("deg/s", "rad/s", "rev/min")  # of an unnamed readout
 MAX_MISFIT_RATIO = 0.7  # of a model with fewer axes, from which one more is believed in
 EQUAL_MISFIT_RATIO = 1.05  # of the smallest misfit: as good, and the simpler model is taken
+MAX_UNEXPLAINED = 0.9  # of what gyroscopes read, noise included: one of many columns goes with the rest by chance
 MIN_TRAVEL = 0.05  # rad, of an axis
 MIN_RATE_CHANGE = np.radians(0.5)  # rad/s, within which a drift moves gyroscopes that nothing turned
 
@@ -141,8 +151,16 @@ def missing_table(log: Log, parts: bool) -> str:
 def _axis_candidates(log: Log) -> dict[str, Array]:
     """Return columns that may be angles or rates of a rig, and turn."""
     named = {n: log.columns[n] for n in log.names("gimbal_angle")}
-    candidates = {n: x for n, x in log.columns.items() if (n in named or n not in log.guesses) and not is_estimated(n)}
+    of_attitude = {n for _, names in quaternions(log) for n in names}
+    unnamed = [n for n in log.unknown if n not in of_attitude and not is_estimated(n) and not _is_of_a_sensor(n)]
+    candidates = {n: x for n, x in log.columns.items() if n in named or n in unnamed}
     return {n: x for n, x in candidates.items() if np.isfinite(x).mean() > 0.5 and np.nanmin(x) < np.nanmax(x)}
+
+
+def _is_of_a_sensor(name: str) -> bool:
+    """Return whether a name is that of an accelerometer or a gyroscope: of a second unit, which turns alike."""
+    guess = by_name(name)
+    return guess is not None and guess.quantity in (FORCE, RATE) and not rate_word(name)
 
 
 def _by_likelihood(columns: Mapping[str, Array]) -> Iterator[dict[str, Array]]:
@@ -195,7 +213,8 @@ def _best_chain(turns: DrivenTurn, scale: float | None) -> tuple[float, Platform
     offsets = [*[QUARTER_TURNS] * (len(turns.names) - 1), (0.0,)]  # what the outermost stands on turns nothing
     platforms = (*known, *chains(permutations(turns.names), offsets))
     (best,) = successful_trials(platforms, lambda p: turns.residual(p, scale), tolerance=EQUAL_MISFIT_RATIO)
-    return (best.misfit, best.candidate) if turns.misfit(best.candidate, scale) < MAX_RESIDUAL else None
+    explains = best.misfit < MAX_UNEXPLAINED and turns.misfit(best.candidate, scale) < MAX_RESIDUAL
+    return (best.misfit, best.candidate) if explains else None
 
 
 def _axis(name: str) -> str:

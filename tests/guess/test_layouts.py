@@ -556,3 +556,34 @@ def test_places_of_stations_are_no_accelerometers(tmp_path):
     columns = [np.arange(n) * 6.1, 0.01 * rng.standard_normal(n), latitude[at], longitude[at]]
     with pytest.raises(InputError, match="no three columns are a triad"):
         propose_recording([rows(tmp_path / "B44.txt", "", *columns, cell="{:.9g}")])
+
+
+@pytest.mark.parametrize("second", ["quaternion", "gyroscopes"])
+def test_what_a_second_sensor_reads_of_a_turn_is_no_table(tmp_path, second):
+    """A quaternion in counts, or gyroscopes of another unit, turn as those of the unit do."""
+    t = np.arange(4000) * 0.01
+    rng = np.random.default_rng(0)
+    rate = 0.2 * np.sin(2 * np.pi * t / 20)
+    yaw = np.cumsum(rate) * 0.01
+    force = np.array([0.0, 0.0, 1000.0])[:, None] + rng.standard_normal((3, 4000))
+    gyro = 1e3 * (1e-3 * rng.standard_normal((2, 3, 4000)) + np.array([0, 0, 1.0])[:, None] * rate)
+    q = np.round(2**14 * np.array([np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)]))
+    names, more = {
+        "quaternion": ("Q_w,Q_x,Q_y,Q_z", q),
+        "gyroscopes": ("imu2 gyro_x,imu2 gyro_y,imu2 gyro_z", np.round(gyro[1])),
+    }[second]
+    head = f"time,acc_x,acc_y,acc_z,gyro_x,gyro_y,gyro_z,{names}"
+    found = propose_recording([rows(tmp_path / "log.csv", head, t, *force, *np.round(gyro[0]), *more)])
+    assert not found.recording.platform.axes
+
+
+def test_a_column_that_explains_next_to_nothing_of_gyroscopes_at_rest_is_no_table(tmp_path):
+    """A magnetometer was one although 99 % of what the gyroscopes read was left."""
+    t = np.arange(20000) * 0.01
+    rng = np.random.default_rng(0)
+    force = np.array([0.0, 0.0, 1000.0])[:, None] + rng.standard_normal((3, 20000))
+    gyro = np.round(3 * rng.standard_normal((3, 20000)))
+    wander = np.cumsum(rng.standard_normal((12, 20000)), axis=1)
+    head = "time,acc_x,acc_y,acc_z,gyro_x,gyro_y,gyro_z," + ",".join(f"m{k}" for k in range(12))
+    found = propose_recording([rows(tmp_path / "log.csv", head, t, *force, *gyro, *wander)])
+    assert not found.recording.platform.axes
