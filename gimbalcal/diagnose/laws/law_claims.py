@@ -216,8 +216,9 @@ def law_of_searches(
     best_else = _best_else(ranked)
     best, others = chosen_law(g, every, best_else + (SEPARATION_EVIDENCE + NAME_ODDS) * bool(instead) - b.ln_known)
     if best is None and instead:
-        rivals = [law.evidence for law in _rivals_of_members(ranked, instead, every[:MAX_COMPARED_LAWS])]
-        return Lawful(formula_is_likelier=bool(rivals) and float(logsumexp(np.array(rivals))) > best_else)
+        near = every[:MAX_COMPARED_LAWS]
+        likelier = _together(near) > best_else and _together(_rivals_of_members(ranked, instead, near)) > best_else
+        return Lawful(formula_is_likelier=likelier)
     if best is not None and not instead and (as_likely := _known_causes_as_likely(ranked, b.total)):
         return Lawful(
             (),
@@ -296,6 +297,11 @@ def _best_else(ranked: Ranking) -> float:
     """
     every = ranked.library.candidates
     return max(h.ln_weight for h in ranked.hypotheses if len({bool(every[i].rival) for i in h.members}) == 1)
+
+
+def _together(laws: Sequence[Law]) -> float:
+    """Return the ln evidence of laws together, which is at least that of any selection of them; -inf of none."""
+    return float(logsumexp(np.array([-np.inf, *(law.evidence for law in laws)])))
 
 
 def _cancels_sensor(law: Law, x: Array) -> bool:
@@ -384,8 +390,8 @@ def causes_replaced_by_a_formula(
             continue
         known = max(h.ln_weight for h in s.hypotheses)
         if b.laws[0].evidence < known + CLAIM:
-            rivals = [law.evidence for law in _rival_laws(s, b.laws[:MAX_COMPARED_LAWS], names)]
-            if rivals and float(logsumexp(np.array(rivals))) > known:
+            near = b.laws[:MAX_COMPARED_LAWS]
+            if _together(near) > known and _together(_rival_laws(s, near, names)) > known:
                 doubtful |= {cause.effect for cause in own}
             continue
         fewer = _visible_columns(without, b.laws[0].columns) < sum(len(cause.parameters) for cause in own)

@@ -396,7 +396,7 @@ def _families(targets: Sequence[Target], products: bool) -> list[Family]:
     every = [terms_of_variable(v, place.stimulus, SINGLE_FORMS[v.group], rows) for v in place.variables]
     laws = [*((grid,) for own in every for grid in families(own)), *free_tables(place.variables, rows, products)]
     if products:
-        slow = [terms_of_variable(v, place.stimulus, PRODUCT_FORMS[v.group], rows) for v in place.variables]
+        slow = [[t for t in own if t.form.key in PRODUCT_FORMS[t.variable.group]] for own in every]
         laws += [*term_pairs(slow), *term_triples(slow)]
     return laws
 
@@ -483,7 +483,7 @@ def _best_families(grounds: Sequence[Sequence[Target]], laws: Sequence[Family]) 
 
     What they explain is less the cost of coefficients and grid. The means of an expression are formed once.
     """
-    tops = [[dict[str, tuple[float, Expression]]() for _ in targets] for targets in grounds]
+    tops = [[dict[str, Best]() for _ in targets] for targets in grounds]
     for k in range(0, len(laws), CHUNK):
         by_width: dict[int, list[tuple[Family, Array]]] = {}
         for law in laws[k : k + CHUNK]:
@@ -494,15 +494,26 @@ def _best_families(grounds: Sequence[Sequence[Target]], laws: Sequence[Family]) 
             columns, ends = np.concatenate([B for _, B in own], axis=-1), np.cumsum([B.shape[2] for _, B in own])[:-1]
             for targets, of_ground in zip(grounds, tops, strict=True):
                 each = likelihood_gains(targets[0].of_all, columns) - 2.0 * m
-                for target, top in zip(targets, of_ground, strict=True):
-                    worths = np.split(each[target.at].sum(axis=0), ends)
-                    for gain, e in (_best_of(law, w) for (law, _), w in zip(own, worths, strict=True) if w.max() > 0):
-                        if gain > top.get(e.family, (0.0, e))[0]:
-                            top[e.family] = gain, e
+                worths = np.stack([each[target.at].sum(axis=0) for target in targets])
+                for (law, _), worth in zip(own, np.split(worths, ends, axis=1), strict=True):
+                    _keep_better(of_ground, law, worth)
     return [_best_by_length(targets, own) for targets, own in zip(grounds, tops, strict=True)]
 
 
-def _best_by_length(targets: Sequence[Target], tops: Sequence[dict[str, tuple[float, Expression]]]) -> list[Scored]:
+Best = tuple[float, Family, int]  # what the best expression of a family explains, and its ordinal there
+
+
+def _keep_better(tops: Sequence[dict[str, Best]], law: Family, worth: Array) -> None:
+    """Put a family of worth (targets, K) by its name where it explains more than what stands there, or than nothing."""
+    name, cost = " * ".join(own.terms[0].family for own in law), math.log(math.prod(own.terms[0].tried for own in law))
+    best = worth.argmax(axis=1)
+    gains = worth[np.arange(len(worth)), best] - cost
+    for top, gain, i in zip(tops, gains.tolist(), best.tolist(), strict=True):
+        if gain > (top[name][0] if name in top else 0.0):
+            top[name] = gain, law, i
+
+
+def _best_by_length(targets: Sequence[Target], tops: Sequence[dict[str, Best]]) -> list[Scored]:
     """Return the best families of each length at each target, at several places those that are better than at one."""
     single = {target.places[0]: top for target, top in zip(targets, tops, strict=True) if len(target.places) == 1}
     out = list[Scored]()
@@ -510,17 +521,15 @@ def _best_by_length(targets: Sequence[Target], tops: Sequence[dict[str, tuple[fl
         others = [single[p] for p in target.places if p in single and len(target.places) > 1]
         better = [b for key, b in top.items() if all(b[0] > own[key][0] for own in others if key in own)]
         for n in (1, 2, 3):  # products are many, and would leave no room for what a single term may become
-            as_long = [(gain, target, e) for gain, e in better if len(e.terms) == n]
-            out += sorted(as_long, key=lambda scored: -scored[0])[:WEIGHED_EXPRESSIONS]
+            as_long = sorted((b for b in better if len(b[1]) == n), key=lambda b: -b[0])
+            out += [(gain, target, _member(law, i)) for gain, law, i in as_long[:WEIGHED_EXPRESSIONS]]
     return out
 
 
-def _best_of(law: Family, worth: Array) -> tuple[float, Expression]:
-    """Return the expression of a family of the largest worth (K,), and that less the cost of the choice."""
-    best = int(np.argmax(worth))
-    at = np.unravel_index(best, [len(own.terms) for own in law])
-    e = Expression(tuple(own.terms[i] for own, i in zip(law, at, strict=True)))
-    return float(worth[best]) - math.log(e.tried), e
+def _member(law: Family, i: int) -> Expression:
+    """Return an expression of a family by its ordinal."""
+    at = np.unravel_index(i, [len(own.terms) for own in law])
+    return Expression(tuple(own.terms[k] for own, k in zip(law, at, strict=True)))
 
 
 def likelihood_gains(response: BlockResponse, B: Array) -> Array:
