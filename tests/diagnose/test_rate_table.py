@@ -72,6 +72,23 @@ def test_an_event_within_a_stretch_is_found_where_it_begins():
     assert float(law.expression.split("time - ")[1].split(")")[0]) == pytest.approx(60, abs=2)
 
 
+@pytest.mark.parametrize("seed", [0, 7])
+def test_rates_that_are_not_set_as_commanded_are_no_formula(seed):
+    """Each stretch of the table is off by three standard errors of its mean, in all gyroscopes independently."""
+    r = run("z", 40_000 + seed)
+    w = np.gradient(r.channels["gimbal_angle", "table"], r.time)
+    stretch = np.cumsum(np.abs(np.diff(np.round(w, 3), prepend=w[0])) > 0.02)
+    rates = {}
+    for i, axis in enumerate("xyz"):
+        x, white = r.channels["angular_rate", axis], np.random.default_rng(seed + 1000 * i).standard_normal
+        scatter = 1.05 * np.median(np.abs(np.diff(r.channels["angular_rate", "z"])))
+        rates["angular_rate", axis] = (
+            x + (3 * scatter * white(stretch[-1] + 1) / np.sqrt(np.bincount(stretch)))[stretch]
+        )
+    d = diagnose([r.with_channels(rates)])
+    assert (d.verdict, d.findings, d.laws) == ("adequate", (), ())
+
+
 @pytest.mark.parametrize("seed", [9, 21])
 def test_a_slow_random_walk_of_all_gyroscopes_is_no_drift(seed):
     r = run("z", 70_000 + seed)

@@ -22,6 +22,8 @@ WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
 MANY_ROWS = 200  # rows of a view, beyond which a wander of a small share of their variance is visible
 SMALL_WANDER, SMALL_SHARE = (0.95, 0.99, 0.998), (0.03, 0.1, 0.3)  # memory and share of such a wander
 WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
+OFFSET_MEMORY, OFFSET_SHARE = 0.9999, (0.05, 0.2, 0.6)  # the same of what is new in each group of rows
+OFFSETS = 0.2  # prior probability of such offsets, by that of none
 LOOSE_MEMORY, LOOSE_SHARE = (0.0, 0.8), (0.8, 0.97, 0.997)  # memory and share of what one sensor scatters by itself
 LOOSE_SENSOR = 0.1  # prior probability that one does, by that of no such sensor
 POLES = (
@@ -58,10 +60,12 @@ def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:
     return tuple(every if C == 1 else (Node.of_channels(parts) for parts in itertools.product(every, repeat=C)))
 
 
-def noises_of_unknown_scale(n: int, C: int, rows: Array | None = None) -> tuple[Node, ...]:
+def noises_of_unknown_scale(n: int, C: int, rows: Array | None = None, group: Array | None = None) -> tuple[Node, ...]:
     """Noises of unit variance in n rows of C channels that nobody states: each row remembers the one before.
 
     Where sensors wander, of which `rows` (n, C, m) are the columns in white noise, either part may be the larger one.
+    Where several rows are of one group, `group` (n,) being its ordinal, each group may have an offset of its own: a
+    table that turns at the same commanded rate in every row of a stretch.
     """
     out, others = [], 1.0 if rows is None else 1 - WANDERS
     for rho, prior in zip(MEMORY, MEMORY_PRIOR, strict=True):
@@ -73,7 +77,11 @@ def noises_of_unknown_scale(n: int, C: int, rows: Array | None = None) -> tuple[
         *itertools.product(WANDER, WANDER_SHARE),
         *(itertools.product(SMALL_WANDER, SMALL_SHARE) if n > MANY_ROWS else ()),
     ]
-    return (*out, *(_wandering_covariance(rows, rho, share, WANDERS / len(wanders)) for rho, share in wanders))
+    out += [_wandering_covariance(rows, rho, share, WANDERS / len(wanders)) for rho, share in wanders]
+    if group is not None and not np.diff(group).all():
+        new, prior = np.diff(group, prepend=group[0] - 1) != 0, OFFSETS / len(OFFSET_SHARE)
+        out += [_wandering_covariance(rows, OFFSET_MEMORY, share, prior, new) for share in OFFSET_SHARE]
+    return tuple(out)
 
 
 def noises_of_loose_sensors(rows: Array) -> tuple[Node, ...]:
@@ -82,19 +90,23 @@ def noises_of_loose_sensors(rows: Array) -> tuple[Node, ...]:
     The readout of an axis that is set loosely, or slips, is seen in one channel and by some share in all rows.
     """
     every = [*itertools.product(range(rows.shape[2]), LOOSE_MEMORY, LOOSE_SHARE)]
-    prior = LOOSE_SENSOR / len(every)
-    return tuple(_wandering_covariance(rows[:, :, [k]], rho, share, prior, k + 1) for k, rho, share in every)
+    alone = [_wandering_covariance(rows[:, :, [k]], rho, share, LOOSE_SENSOR / len(every)) for k, rho, share in every]
+    return tuple(
+        replace(node, name=(*node.name, ("loose sensor", k + 1.0))) for node, (k, *_) in zip(alone, every, strict=True)
+    )
 
 
-def _wandering_covariance(rows: Array, rho: float, share: float, prior: float, sensor: int = 0) -> Node:
-    r"""Sensors that wander, of columns `rows` (n, C, m): :math:`V = (1 - a) I + a \, H K_\rho H^T`, a their share."""
+def _wandering_covariance(rows: Array, rho: float, share: float, prior: float, new: Array | None = None) -> Node:
+    r"""Sensors that wander, of columns `rows` (n, C, m): :math:`V = (1 - a) I + a \, H K_\rho H^T`, a their share.
+
+    new (n,): rows in which all of it is new, by default the first.
+    """
     n, _, m = rows.shape
     process = first_order(rho)
-    h, still = np.append(np.inf, np.ones(n - 1)), np.zeros(n, dtype=bool)  # all of it is new in the first row
+    h, still = np.where(np.arange(n) == 0 if new is None else new, np.inf, 1.0), np.zeros(n, dtype=bool)
     Phi, Q = (np.repeat(x, m, axis=1) for x in (process.transition(h, still), process.diffusion(h, still)))
     root = whitening(Phi, Q, np.sqrt(share / (1 - share)) * rows).of_scale(np.sqrt(1 - share))
-    name = (("memory", rho), ("share", share), *((("loose sensor", float(sensor)),) if sensor else ()))
-    return Node(name, {}, prior, root.log_determinant, root, 1 - share * rho**2)
+    return Node((("memory", rho), ("share", share)), {}, prior, root.log_determinant, root, 1 - share * rho**2)
 
 
 SINGLE_WALKS = tuple(

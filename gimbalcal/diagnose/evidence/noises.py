@@ -43,7 +43,10 @@ def _of_any_scale(v: View) -> tuple[Node, ...]:
     """Return the noises of a view of unknown scale: the same for every model of it."""
     if "noises" not in v.cache:
         n, C = len(v), len(v.channels)
-        every = noises_of_channels(n, C) if v.noise.own_memories else noises_of_unknown_scale(n, C, v.noise.wander)
+        if v.noise.own_memories:
+            every = noises_of_channels(n, C)
+        else:
+            every = noises_of_unknown_scale(n, C, v.noise.wander, v.groups)
         if v.noise.triad_walks:
             courses = {quantity: _sensor_courses(v, quantity) for quantity in v.measurement.acts_on}
             every += walks_of_triads(courses, C, float(np.ptp(v.stimulus.time)), v.noise.triad_walks)

@@ -65,7 +65,7 @@ MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formu
 SAME_COLUMN = 1e-3  # of a column, which a formula that spans the rest of it holds
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
 MIN_DIFFERENCE = 4.0  # of chi^2, by which a formula says something else than a cause
-MIN_GROUPS = 20  # of rows that are held out together; of fewer, two are often the extremes of the design
+MIN_GROUPS = 20  # of rows that are held out together, of which two are left out, of fewer one
 MAX_GAIN_CHANGE = 0.3  # of a sensor by a law: beyond, it is another sensor
 MAX_SCATTER_RATIO = 1.5  # of a formula to causes with more parameters, from which on it replaces none
 
@@ -450,21 +450,22 @@ def _differs_from_causes(s: Search, law: Law, X: Array) -> bool:
     return rest > max(SAME_RESPONSE * float((added**2).sum()), MIN_DIFFERENCE)
 
 
-def _evidence_without_two_groups(s: Search, law: Law) -> float:
-    r"""Return the ln evidence of a law without the two groups of rows, of those held out, that show it most.
+def _evidence_without_clearest_groups(s: Search, law: Law) -> float:
+    r"""Return the ln evidence of a law without the groups of rows, of those held out, that show it most.
 
     .. math:: (1 - p) (\ln E + c) - c , \qquad p = \sum_{g = 1, 2} \frac{|y_g|^2 - |y_g - a_g|^2}{|y|^2 - |y - a|^2}
 
     with white rows y, what the law adds, a, and what its choice among others costs, c. A gust, a knock, or a jump in
-    noise with a memory is one event; among many formulas one follows two of them.
+    noise with a memory is one event; among many formulas one follows two of them. Of few groups two are often the
+    extremes of the design, and the clearest alone is left out.
     """
     *_, y, added = _whitened(s, law)
     group = np.repeat(s.fit.view.groups, s.fit.residual.shape[1])
-    if len(group) != len(y) or len(np.unique(group)) < MIN_GROUPS:
+    if len(group) != len(y):
         return law.evidence
-    gain = y**2 - (y - added) ** 2
-    two = np.sort(np.bincount(group, gain))[-2:].sum() / gain.sum()
-    return float((1 - two) * (law.evidence + law.cost) - law.cost)
+    gain, left_out = y**2 - (y - added) ** 2, 2 if len(np.unique(group)) >= MIN_GROUPS else 1
+    share = np.sort(np.bincount(group, gain))[-left_out:].sum() / gain.sum()
+    return float((1 - share) * (law.evidence + law.cost) - law.cost)
 
 
 def _whitened(s: Search, law: Law) -> tuple[Node, Array, Array, Array]:
@@ -491,7 +492,7 @@ def _compared_in(m: Fit, s: Search, sigma: Array, alone: bool = True) -> Beside 
     for law in b.laws:
         if law.evidence < max([CLAIM, *(best.evidence - 2 * SEPARATION_EVIDENCE for best in laws[:1])]):
             break  # what is said of a law is said of those near the best
-        if _evidence_without_two_groups(b.searches[0], law) > 0:
+        if _evidence_without_clearest_groups(b.searches[0], law) > 0:
             laws.append(law)
     return replace(b, laws=laws)
 

@@ -17,7 +17,7 @@ from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.laws import law_claims
 from gimbalcal.diagnose.laws.expressions import Expression, terms_of_variable
 from gimbalcal.diagnose.laws.law_claims import (
-    _evidence_without_two_groups,
+    _evidence_without_clearest_groups,
     _rival_laws,
     _visible_columns,
     causes_replaced_by_a_formula,
@@ -138,7 +138,7 @@ def test_the_curve_of_a_law_goes_through_what_the_recording_shows():
     assert np.isfinite(c.predicted).mean() > 0.7
 
 
-def test_what_a_law_predicts_is_fitted_to_rows_evidence_without_two_groups():
+def test_what_a_law_predicts_is_fitted_to_rows_evidence_without_clearest_groups():
     """Rows that are left out by additions of any size are the rows that a fit to the others never sees."""
     o = fit_baseline(view_at_known_attitude(plant.record(np.random.default_rng(4), dwell=20)))
     block, seen = o.view.noise.block, variables(o.rows.seen[Stage.ACCELEROMETER])
@@ -486,7 +486,8 @@ def test_a_law_that_two_stars_show_is_none():
     stars = np.zeros_like(sag)
     stars[[7, 20], 0] = 1.0
     followed, everywhere = (
-        _evidence_without_two_groups(made, SimpleNamespace(columns=x, evidence=20.0, cost=10.0)) for x in (stars, sag)
+        _evidence_without_clearest_groups(made, SimpleNamespace(columns=x, evidence=20.0, cost=10.0))
+        for x in (stars, sag)
     )
     assert followed < 0
     assert everywhere > 10
