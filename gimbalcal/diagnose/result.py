@@ -305,7 +305,10 @@ class StatedNoiseFit(FitSummary):
 
 @dataclass(frozen=True, kw_only=True)
 class ViewFit(FitSummary):
-    """The fit of a view of unknown noise scale: rms misfits in its unit, and chi^2 against the samples' scatter."""
+    """The fit of a view of unknown noise scale: rms misfits in its unit, and chi^2 against the samples' scatter.
+
+    rms_of_channels: rms misfit of each of several channels that share one scale.
+    """
 
     noise: RowNoise
     rms_before: float
@@ -315,6 +318,7 @@ class ViewFit(FitSummary):
     steps: tuple[SearchStep, ...]
     late: Mapping[str, Delay] | None = None
     turns: RmsMisfit | None = None
+    rms_of_channels: Mapping[str, float] | None = None
     chi2_of_samples_before: Mapping[str, float] | None = None
     chi2_of_samples_after: Mapping[str, float] | None = None
 

@@ -125,7 +125,7 @@ def _means_of_increments(log: Log) -> Log:
     names = [
         n for n, g in log.guesses.items() if g.increments and not np.all(log.columns[n] == np.round(log.columns[n]))
     ]
-    if not names:
+    if not names or len(log.columns[log.clock]) < 2:
         return log
     if not is_unit_of("time", log.guesses[log.clock].unit):
         log = clocks.in_unit(log, clocks.unit_of_time(log.columns[log.clock])[0])
@@ -260,7 +260,7 @@ def _rows_are_dwells(log: Log) -> bool:
 
 def _is_sampled(log: Log) -> bool:
     """Return whether the clock, in its likeliest unit, ticks faster than a unit is turned from rest to rest."""
-    if not log.has("time"):
+    if not log.has("time") or len(log.columns[log.clock]) < 2:
         return False
     step, unit = float(np.median(np.diff(log.columns[log.clock]))), log.guesses[log.clock].unit
     if not is_unit_of("time", unit):

@@ -132,6 +132,11 @@ class View:
         return self.noise.weight((len(self), len(self.channels)))
 
     @property
+    def channels_share_scale(self) -> bool:
+        """Return whether several channels have one scale of noise, which nobody states: those of stars."""
+        return len(self.channels) > 1 and not (self.noise.scale_known or self.noise.of_each_channel)
+
+    @property
     def visits(self) -> Local:
         """The setting errors of the visits, of a view of positions."""
         assert self.local is not None

@@ -67,6 +67,7 @@ def test_an_equation_is_that_of_the_card():
 def test_the_sentences_of_a_diagnosis(golden):
     turned = replace(VIEW_FIT, turns=RmsMisfit(100.4, 20.2, "arcsec"))
     few = replace(VIEW_FIT, heldout_rms_after=90.0)
+    loose = replace(VIEW_FIT, rms_of_channels={"across": 23.1, "along": 2.34})
     late = Finding("gyro_latency", "", 0.9, 9.0, (Estimate("gyro_latency", "", 3.2, 0.1, "ms"),), ("readout_latency",))
     sampled = {chi2: replace(VIEW_FIT, chi2_of_samples_after={"across": chi2, "along": chi2}) for chi2 in (1.44, 9.0)}
     cases = {
@@ -82,6 +83,7 @@ def test_the_sentences_of_a_diagnosis(golden):
         "turns": diagnosis_sentences.misfit_reduction(STARS, turned),
         "standard error": diagnosis_sentences.residual_sentence(STARS, sampled[1.44]),
         "excess scatter": diagnosis_sentences.residual_sentence(STARS, sampled[9.0]),
+        "loose readout": diagnosis_sentences.residual_sentence(STARS, loose),
         "pattern": diagnosis_sentences.pattern_sentence(STARS, "along", 12.345, "a wave"),
         "largest": diagnosis_sentences.largest_misfit_sentence(STARS, "along", 12.345, 2.0, np.array([3, 8])),
         "reservation, unexplained": diagnosis_sentences.reservation_sentence("unexplained", [], [WAVE]),

@@ -32,7 +32,7 @@ def noises_with_loose_readout(fit: Fit) -> tuple[Node, ...]:
     of the axes would all pass for such a scatter.
     """
     v = fit.view
-    if v.noise.wander is None or v.noise.of_each_channel or len(v.channels) == 1:
+    if v.noise.wander is None or not v.channels_share_scale:
         return ()
     if "loose readout" not in v.cache:
         v.cache["loose readout"] = (*possible_noises(fit), *noises_of_loose_sensors(v.noise.wander))

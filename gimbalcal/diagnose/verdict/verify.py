@@ -149,6 +149,10 @@ def view_fit(c: SearchResult, sigma: Array) -> ViewFit:
         with suppress(InputError):  # turns too few, or all about one axis, prove nothing
             missed = [float(from_si(v.missed_by_turns(e), "arcsec")) for e in ((), after.effects)]
             turns = RmsMisfit(missed[0], missed[1], "arcsec")
+    channels = None
+    if v.kind.sighting and v.channels_share_scale:
+        each = np.sqrt(np.mean(after.residual**2, axis=0))
+        channels = {axis: float(from_si(x, v.unit)) for (_, axis), x in zip(v.channels, each, strict=True)}
     return ViewFit(
         chi2_reduced_before=_reduced_chi2(before, sigma),
         chi2_reduced_after=_reduced_chi2(after, sigma),
@@ -165,6 +169,7 @@ def view_fit(c: SearchResult, sigma: Array) -> ViewFit:
         calibration_moved=view_shifts(before, after) if c.steps else (),
         late=late,
         turns=turns,
+        rms_of_channels=channels,
         chi2_of_samples_before=_against_samples(before),
         chi2_of_samples_after=_against_samples(after),
     )

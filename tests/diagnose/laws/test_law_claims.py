@@ -138,7 +138,7 @@ def test_the_curve_of_a_law_goes_through_what_the_recording_shows():
     assert np.isfinite(c.predicted).mean() > 0.7
 
 
-def test_what_a_law_predicts_is_fitted_to_rows_evidence_without_clearest_groups():
+def test_what_a_law_predicts_is_fitted_to_the_other_rows():
     """Rows that are left out by additions of any size are the rows that a fit to the others never sees."""
     o = fit_baseline(view_at_known_attitude(plant.record(np.random.default_rng(4), dwell=20)))
     block, seen = o.view.noise.block, variables(o.rows.seen[Stage.ACCELEROMETER])
