@@ -22,7 +22,7 @@ from gimbalcal.diagnose.laws.law_claims import (
 )
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.result import Shape
-from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit, search_with_loose_readout
+from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit
 from gimbalcal.diagnose.search.refit import with_constants
 from gimbalcal.diagnose.search.relinearise import about_first_cause
 from gimbalcal.diagnose.search.sensor_random_walks import wandering_in
@@ -51,8 +51,17 @@ SERIAL_SIGMAS = 5.0  # of a correlation of successive residuals that is none by 
 
 
 def select_causes(v: View, progress: Progress) -> SearchResult:
-    """Return the causes that a view whose scale of noise is fitted is likeliest to lack, before they are judged."""
-    return about_first_cause(stepwise(v, progress), progress)
+    """Return the causes that a view whose scale of noise is fitted is likeliest to lack, before they are judged.
+
+    The channels of stars share one scale until what is left of them differs: then the readout of one axis is noisy or
+    set loosely, and in a common scale chance fits of its channel gain more than they should, causes in the other less.
+    """
+    c = about_first_cause(stepwise(v, progress), progress)
+    if not (v.kind.sighting and v.channels_share_scale) or c.start.exact or not c.end.channels_differ:
+        return c
+    progress("once more, as the channels scatter differently")
+    own = replace(v, noise=replace(v.noise, of_each_channel=True), cache={})
+    return about_first_cause(stepwise(own, progress), progress)
 
 
 def diagnose_selected(c: SearchResult, progress: Progress) -> ViewDiagnosis:
@@ -119,15 +128,11 @@ def _view_diagnosis(
         verdict = "missing-physics" if any(not f.twins for f in findings) else "not-identifiable"
     elif shapes or walk is not None:
         verdict = "unexplained"
-    loose = None if c.start.exact else search_with_loose_readout(c.missing.fit)
-    if loose is not None and not findings:
-        shapes, verdict = (), verdict if walk is not None else "adequate"
     sigma = row_sigma(c.with_shapes)
     fit, lawful, odds = view_fit(c, sigma), Lawful(), np.inf
     if not c.start.exact and (shapes or not findings or refused):
         progress(law_sentences.SEARCHING)
-        known = [f"{f.effect}:{f.axis}".rstrip(":") for f in findings]
-        lawful, with_law = laws_of_view(loose or c.missing, sigma, known)
+        lawful, with_law = laws_of_view(c.missing, sigma, [f"{f.effect}:{f.axis}".rstrip(":") for f in findings])
         c_law = replace(c, with_shapes=with_law)
         fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
         if lawful.known and not findings and not refused and walk is None:
@@ -150,8 +155,8 @@ def _view_diagnosis(
         shapes = tuple(Shape(channel, diagnosis_sentences.SERIAL_CORRELATION) for channel in serial)
         outcome = diagnosis_sentences.serial_correlation(v, max(serial.values()), len(sigma) ** -0.5)
     if verdict == "adequate" and not c.start.exact:
-        library = assemble_library(c.end)
-        fit = replace(fit, unseen=detection_limits([(library.candidates, projections_of(c.end, library.X))]))
+        remaining = assemble_library(c.end)
+        fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,

@@ -34,6 +34,7 @@ from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
 FLAT_PRIOR_SIGMAS = 1e6  # sigmas of all rows together that one sigma of a flat prior stands for
+MAX_CHANNEL_RATIO = 3.0  # of the rms residual of one channel to another, up to which they may have a scale in common
 COURSE = 80  # half periods of the course of a sensor in time: what a walk holds beyond them is a 400th of it
 EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
 
@@ -279,6 +280,16 @@ class Fit:
     def rms(self) -> float:
         """Root mean square length of a row's residual."""
         return float(np.sqrt((self.residual**2).sum() / len(self.residual)))
+
+    @property
+    def rms_of_channels(self) -> Array:
+        """Root mean square residual (C,) of each channel."""
+        return np.asarray(np.sqrt(np.mean(self.residual**2, axis=0)))
+
+    @property
+    def channels_differ(self) -> bool:
+        """Return whether one channel scatters far more than another: they have no scale in common."""
+        return bool(np.max(self.rms_of_channels) > MAX_CHANNEL_RATIO * np.min(self.rms_of_channels))
 
     @property
     def scatter(self) -> float:

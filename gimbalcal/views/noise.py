@@ -31,8 +31,8 @@ class NoiseModel:
     differently. `of_each_channel`: the diagnosis weighs one scale of all channels against one of each, and an estimate
     has an excess of each. It is set for the axes of gyroscopes, of which one may scatter thirty times as much as
     another, and of a mount that tracks, where one axis has the errors of the drive; the two channels of stars all over
-    the sky share most terms of a mount, and there own scales name causes that one scale denies, some of them wrongly.
-    There a readout that is set loosely is weighed against what is left.
+    the sky share most terms of a mount, and there own scales name causes that one scale denies, some of them wrongly,
+    unless what is left in the end shows that they differ.
     """
 
     sigma: Array | None = None

@@ -30,7 +30,6 @@ REORDER_SETTINGS = (
 MAX_ALTERNATIVES = 3  # confounded causes up to which each of them may be named
 GYROSCOPES_NOT_ANALYSED = "The gyroscopes were not analysed"
 MAX_TIMES = 3  # of omitted frames that are named
-MIN_LOOSE_RATIO = 3.0  # of the rms residual of one channel to another, from which on one readout is said to be loose
 MAX_EXCESS_SCATTER = 1.5  # of residuals over the standard error from their samples; more has a reason
 
 
@@ -338,7 +337,7 @@ def residual_sentence(v: View, fit: ViewFit) -> str:
         return f"In {len(v)} slews no delay is significant: {late}."
     start = f"The residual of {v.measurement.channels} is {three_digits(fit.rms_after)} {v.unit} rms without a pattern"
     each = sorted((fit.rms_of_channels or {}).items(), key=lambda one: -one[1])
-    if each and each[0][1] > MIN_LOOSE_RATIO * each[-1][1]:
+    if each:
         loose, steady = (f"{three_digits(x)} {v.unit} {axis}" for axis, x in (each[0], each[-1]))
         return f"{start}, {loose} and {steady}: the readout of one axis is noisy, or that axis is set loosely."
     if fit.chi2_of_samples_after is None:

@@ -24,8 +24,6 @@ SMALL_WANDER, SMALL_SHARE = (0.95, 0.99, 0.998), (0.03, 0.1, 0.3)  # memory and 
 WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
 OFFSET_MEMORY, OFFSET_SHARE = 0.9999, (0.05, 0.2, 0.6)  # the same of what is new in each group of rows
 OFFSETS = 0.2  # prior probability of such offsets, by that of none
-LOOSE_MEMORY, LOOSE_SHARE = (0.0, 0.8), (0.8, 0.97, 0.997)  # memory and share of what one sensor scatters by itself
-LOOSE_SENSOR = 0.1  # prior probability that one does, by that of no such sensor
 POLES = (
     (0.0, 0.0), (0.5, 0.0), (0.7, 0.3), (0.7, 0.5), (0.85, -0.3), (0.85, 0.0), (0.85, 0.3), (0.85, 0.85),
     (0.95, -0.3), (0.95, 0.0), (0.95, 0.3), (0.95, 0.7), (0.99, -0.3), (0.99, 0.0), (0.99, 0.4),
@@ -82,18 +80,6 @@ def noises_of_unknown_scale(n: int, C: int, rows: Array | None = None, group: Ar
         new, prior = np.diff(group, prepend=group[0] - 1) != 0, OFFSETS / len(OFFSET_SHARE)
         out += [_wandering_covariance(rows, OFFSET_MEMORY, share, prior, new) for share in OFFSET_SHARE]
     return tuple(out)
-
-
-def noises_of_loose_sensors(rows: Array) -> tuple[Node, ...]:
-    """Return noises in which one sensor, of columns `rows` (n, C, m), scatters or wanders far more than all channels.
-
-    The readout of an axis that is set loosely, or slips, is seen in one channel and by some share in all rows.
-    """
-    every = [*itertools.product(range(rows.shape[2]), LOOSE_MEMORY, LOOSE_SHARE)]
-    alone = [_wandering_covariance(rows[:, :, [k]], rho, share, LOOSE_SENSOR / len(every)) for k, rho, share in every]
-    return tuple(
-        replace(node, name=(*node.name, ("loose sensor", k + 1.0))) for node, (k, *_) in zip(alone, every, strict=True)
-    )
 
 
 def _wandering_covariance(rows: Array, rho: float, share: float, prior: float, new: Array | None = None) -> Node:

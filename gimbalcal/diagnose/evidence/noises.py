@@ -6,7 +6,6 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.correlated_noise import (
     noises_of_channels,
-    noises_of_loose_sensors,
     noises_of_unknown_scale,
     single_walks,
     walks_of_triads,
@@ -23,20 +22,6 @@ def possible_noises(fit: Fit, memory: bool = True) -> tuple[Node, ...]:
         return noise_grid(fit)
     every = _of_any_scale(fit.view)
     return every if memory else every[:1]
-
-
-def noises_with_loose_readout(fit: Fit) -> tuple[Node, ...]:
-    """Return the possible noises where one readout of a mount may be set loosely; none where channels share no scale.
-
-    They are weighed against what is left when nothing else explains it: while causes are not in the model, the errors
-    of the axes would all pass for such a scatter.
-    """
-    v = fit.view
-    if v.noise.wander is None or not v.channels_share_scale:
-        return ()
-    if "loose readout" not in v.cache:
-        v.cache["loose readout"] = (*possible_noises(fit), *noises_of_loose_sensors(v.noise.wander))
-    return v.cache["loose readout"]
 
 
 def _of_any_scale(v: View) -> tuple[Node, ...]:

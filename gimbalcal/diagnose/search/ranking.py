@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.noises import noises_with_loose_readout, possible_noises
+from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import BESIDE, CLAIM, DETECTION_EVIDENCE, PAIR, SINGLE, UNKNOWN, USUAL_CAUSE_BONUS
 from gimbalcal.diagnose.evidence.projection import (
     Projection,
@@ -242,13 +242,6 @@ def search(fit: Fit, candidates: Library | None = None, nodes: Sequence[Node] = 
         projections, library = project_all(nodes, rows, projections), finer
         factors = bayes_factors(projections, library.layout)
     return rank_hypotheses(fit, library, rows, projections, factors)
-
-
-def search_with_loose_readout(fit: Fit) -> Search | None:
-    """Return what is missing from a model if one readout is set loosely, where that leaves nothing to explain."""
-    nodes = noises_with_loose_readout(fit)
-    loose = search(fit, nodes=nodes) if nodes else None
-    return loose if loose is not None and loose.ln_total < CLAIM else None
 
 
 def rank_hypotheses(

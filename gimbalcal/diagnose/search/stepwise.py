@@ -21,7 +21,6 @@ from gimbalcal.diagnose.search.ranking import (
     projections_of,
     rms_misfit,
     search,
-    search_with_loose_readout,
     selected_causes,
     total_weight,
 )
@@ -151,7 +150,7 @@ def forward_select(
     model = with_causes(first, selected)
     for _ in range(MAX_ROUNDS):
         best = likeliest_missing(model, memory=first.view.noise.sensors_walk or first.view.noise.own_memories)
-        if best.ln_total < CLAIM or not best.named or search_with_loose_readout(model) is not None:
+        if best.ln_total < CLAIM or not best.named:
             break
         progress(f"selected: {', '.join(c.in_words for c, _ in best.causes)}")
         selected = refine_constants(

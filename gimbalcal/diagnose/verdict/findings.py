@@ -10,7 +10,7 @@ import numpy as np
 from gimbalcal.diagnose.evidence.odds import CLAIM, MIN_WIDENING_PROBABILITY
 from gimbalcal.diagnose.library.candidates import Candidate, SelectedCause
 from gimbalcal.diagnose.result import Estimate, Finding, RecordingSize, SizeAgreement
-from gimbalcal.diagnose.search.ranking import Ranking, is_usual, search_with_loose_readout
+from gimbalcal.diagnose.search.ranking import Ranking, is_usual
 from gimbalcal.diagnose.search.refit import constants_with_sigma
 from gimbalcal.diagnose.search.stepwise import (
     Key,
@@ -114,10 +114,8 @@ def _search_with_replacement(
 ) -> SearchResult:
     """Return the search with these causes and what is likeliest with them, unless that has been refused."""
     as_before = list(kept) == c.causes
-    model = c.end if as_before else with_causes(c.start, kept)
-    best = likeliest_round(c.missing) if as_before else likeliest_missing(model, memory=True)
-    found = best.ln_total >= CLAIM and best.named and search_with_loose_readout(model) is None
-    new = best.causes if found else ()
+    best = likeliest_round(c.missing) if as_before else likeliest_missing(with_causes(c.start, kept), memory=True)
+    new = best.causes if best.ln_total >= CLAIM and best.named else ()
     if new and not refused & {cause.key for cause, _ in new}:
         progress(f"selected: {', '.join(cause.in_words for cause, _ in new)}")
         kept = [*kept, *new]

@@ -150,9 +150,9 @@ def view_fit(c: SearchResult, sigma: Array) -> ViewFit:
             missed = [float(from_si(v.missed_by_turns(e), "arcsec")) for e in ((), after.effects)]
             turns = RmsMisfit(missed[0], missed[1], "arcsec")
     channels = None
-    if v.kind.sighting and v.channels_share_scale:
-        each = np.sqrt(np.mean(after.residual**2, axis=0))
-        channels = {axis: float(from_si(x, v.unit)) for (_, axis), x in zip(v.channels, each, strict=True)}
+    if v.kind.sighting and not v.noise.own_memories and after.channels_differ:
+        each = zip(v.channels, after.rms_of_channels, strict=True)
+        channels = {axis: float(from_si(x, v.unit)) for (_, axis), x in each}
     return ViewFit(
         chi2_reduced_before=_reduced_chi2(before, sigma),
         chi2_reduced_after=_reduced_chi2(after, sigma),

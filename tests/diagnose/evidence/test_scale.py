@@ -10,7 +10,6 @@ from gimbalcal.diagnose.evidence.correlated_noise import (
     MEMORY_PRIOR,
     SINGLE_WALKS,
     first_order,
-    noises_of_loose_sensors,
     noises_of_unknown_scale,
     single_walks,
 )
@@ -183,19 +182,6 @@ def test_each_group_of_rows_may_have_an_offset_of_its_own():
         L = node.whiten(np.eye(7))
         np.testing.assert_allclose(L @ V @ L.T, np.eye(7), atol=1e-3)  # the memory within a group is 0.9999
     assert noises_of_unknown_scale(7, 1, H, np.arange(7))[-1].name == noises_of_unknown_scale(7, 1, H)[-1].name
-
-
-def test_one_sensor_alone_may_scatter_more_than_all_channels():
-    H = np.random.default_rng(4).standard_normal((6, 2, 2))
-    made = noises_of_loose_sensors(H)
-    assert sum(node.prior for node in made) == pytest.approx(0.1)
-    apart = np.abs(np.subtract.outer(np.arange(6), np.arange(6)))
-    for node in made:
-        told = dict(node.name)
-        a, rho, h = told["share"], told["memory"], H[:, :, int(told["loose sensor"]) - 1].ravel()
-        V = (1 - a) * np.eye(12) + a * np.kron(np.where(apart, rho**apart, 1.0), np.ones((2, 2))) * np.outer(h, h)
-        L = node.whiten(np.eye(12))
-        np.testing.assert_allclose(L @ V @ L.T, np.eye(12), atol=1e-9)
 
 
 def test_one_sensor_that_walks_alone_is_a_walk_beside_what_all_of_them_wander():
