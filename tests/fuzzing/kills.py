@@ -36,7 +36,9 @@ from tests.paths import DATA
 STAMP = re.compile(  # of the clock, or of the campaign that a page belongs to
     rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?([.,]\d+)?(Z|[+-]\d\d:?\d\d)?|(?<=content=.campaign )[0-9a-f]{16}"
 )
-STORE, JOURNAL = "unit.sqlite", ("unit.sqlite-wal", "unit.sqlite-shm")  # what SQLite completes a killed writing from
+STORE = "unit.sqlite"
+# what SQLite completes a killed writing from; the first of a new store, before its mode is set, is a rollback journal
+JOURNAL = tuple(f"{STORE}-{kind}" for kind in ("wal", "shm", "journal"))
 RESUMED = "out/campaign.parts"  # runs of a campaign that goes on where it was killed
 LATE_SHARE, LATE_FROM = 0.5, 0.67  # of the kills, and from which part of a run
 

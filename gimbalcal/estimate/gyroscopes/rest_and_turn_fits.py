@@ -119,6 +119,8 @@ def fit_turns(
     """
     view = gravity_after_turns(turns)
     wanted = (*(p for t in terms for p in parameters(CATALOGUE[t]) if p not in unseen), *extra.parameters)
+    if not wanted:
+        raise InputError(f"nothing in {number_of(len(view), 'turn')} shows any of {', '.join(terms)}: turn more often")
     if 2 * len(view) < len(wanted):
         raise InputError(
             f"{number_of(len(view), 'turn')} for {number_of(len(wanted), 'parameter')} that are asked "
