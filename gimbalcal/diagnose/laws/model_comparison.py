@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
+from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, SEPARATION_EVIDENCE
 from gimbalcal.diagnose.evidence.projection import project_all
 from gimbalcal.diagnose.laws.grounds import ground_of_search, ground_of_unit
@@ -120,7 +121,9 @@ def with_cause(s: Search, members: Sequence[int]) -> Search:
     X = fit_causes(s, members).columns()
     known = s.fit.view.noise.scale_known
     fit = replace(s.fit, jacobian=np.concatenate([s.fit.jacobian, X], axis=2)) if known else with_columns(s.fit, X)
-    none, nodes = Library((), np.zeros((len(s.rows.Q), 0))), [p.node for p in s.projections]
+    none = Library((), np.zeros((len(s.rows.Q), 0)))
+    # scales of channels are those of rows as the former model has divided them
+    nodes = [p.node for p in s.projections] if known else possible_noises(fit)
     rows = reduced_rows(fit, none.X, nodes)
     each = project_all(nodes, rows)
     null, empty = log_evidence(each), np.zeros((len(each), 0))
