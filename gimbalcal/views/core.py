@@ -34,7 +34,7 @@ from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
 FLAT_PRIOR_SIGMAS = 1e6  # sigmas of all rows together that one sigma of a flat prior stands for
-MAX_CHANNEL_RATIO = 3.0  # of the rms residual of one channel to another, up to which they may have a scale in common
+MAX_CHANNEL_RATIO = 6.0  # of the rms residual of one channel to another; a law of one axis makes them differ by less
 COURSE = 80  # half periods of the course of a sensor in time: what a walk holds beyond them is a 400th of it
 EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
 
