@@ -113,7 +113,10 @@ def _refuse_beyond(s: StreamChecks, limits: Mapping[str, float], what: str, posi
 
 
 def _are_few_of_their_rest(position: Array, beyond: Array) -> Array:
-    """Return which rows (n,) are of a rest of which few are beyond a limit: of most it is a steady turn on a table."""
+    """Return which rows (n,) belong to a rest of which at most half are beyond a limit.
+
+    Where more are, the unit turned steadily on a table and did not rest.
+    """
     number = np.where(position > 0, position, 0).astype(int)
     rows, many = np.bincount(number), np.bincount(number, weights=beyond)
     turning = (rows >= MIN_ROWS) & (many > 0.5 * rows)

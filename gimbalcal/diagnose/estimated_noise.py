@@ -57,7 +57,7 @@ def select_causes(v: View, progress: Progress) -> SearchResult:
     set loosely, and in a common scale chance fits of its channel gain more than they should, causes in the other less.
     """
     c = about_first_cause(stepwise(v, progress), progress)
-    if not (v.kind.sighting and v.channels_share_scale) or c.start.exact or not c.end.channels_differ:
+    if not v.kind.sighting or v.noise.of_each_channel or c.start.exact or not c.end.channels_differ:
         return c
     progress("once more, as the channels scatter differently")
     own = replace(v, noise=replace(v.noise, of_each_channel=True), cache={})

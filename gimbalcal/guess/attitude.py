@@ -23,7 +23,7 @@ MIN_WHOLE = 0.5  # share of the rows that hold a quaternion
 MAX_UNIT_COST = 30.0  # nats
 SMOOTHED_S = 0.3  # s, over which the direction of the force is averaged
 MIN_TURN_RAD = 3.0  # rad in all, of a log that shows by its motion how far its gyroscopes turned
-UNITS = (1.0, 2.0**14, 2.0**15, 2.0**30)  # norms of quaternions
+LENGTHS = (1.0, 2.0**14, 2.0**15, 2.0**30)  # of a quaternion: 1, as a number and in fixed point of 16 and 32 bits
 _COMPONENT = re.compile(r"(?P<stem>.*?)_?(?P<which>[wxyz0-3])")
 _REFERENCE = re.compile(
     r"(^|_)(vicon|opt|optical|optitrack|qualisys|mocap|motion_capture|ref|reference|truth|true|ground_?truth|gt|camera"
@@ -31,8 +31,8 @@ _REFERENCE = re.compile(
 )
 
 
-def quaternions(log: Log) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield the stem and the columns w, x, y, z of four columns of norm 1, or of a fixed-point 1."""
+def quaternions(log: Log) -> Iterator[tuple[str, tuple[str, ...], float]]:
+    """Yield the stem and the columns w, x, y, z of quaternions, and their length, one of `LENGTHS`."""
     stems: dict[str, dict[str, str]] = {}
     for name in log.unknown:
         if is_anonymous(name):
@@ -42,14 +42,14 @@ def quaternions(log: Log) -> Iterator[tuple[str, tuple[str, ...]]]:
     for stem, own in stems.items():
         letters = next((order for order in ("wxyz", "0123") if set(order) <= set(own)), "")
         names = tuple(own[letter] for letter in letters)
-        if names and _unit_of(np.stack([log.columns[n] for n in names])):
-            yield stem, names
+        if names and (length := _length(np.stack([log.columns[n] for n in names]))):
+            yield stem, names, length
 
 
 def with_reference(log: Log) -> tuple[Log | None, str]:
     """Return the log with a reference attitude, at the rows that hold one; else None, and a note on an estimate."""
     note = ""
-    for stem, names in quaternions(log):
+    for stem, names, length in quaternions(log):
         if not _REFERENCE.search(stem):
             note = (
                 f"{names[0].strip()}, ... is an attitude that the unit computes, by its name, and is left out; call it "
@@ -58,8 +58,7 @@ def with_reference(log: Log) -> tuple[Log | None, str]:
             continue
         why = f"four columns of norm 1, of a reference by the name {stem!r}"
         guesses = {n: Guess("attitude", q, "1", why) for n, q in zip(names, COMPONENTS, strict=True)}
-        unit = _unit_of(np.stack([log.columns[n] for n in names]))
-        whole = log.without("position").including(guesses, {n: log.columns[n] / unit for n in names})
+        whole = log.without("position").including(guesses, {n: log.columns[n] / length for n in names})
         rows = np.isfinite(np.stack([whole.columns[n] for n in whole.guesses])).all(axis=0)
         return whole.rows(rows), "" if rows.all() else f"{int((~rows).sum())} rows lack a value and are left out"
     return None, note
@@ -72,7 +71,7 @@ def of_another_log(path: Path, log: Log) -> dict[str, Array]:
     """
     out: dict[str, Array] = {}
     called = plain_name(f"{path.parent.name} {path.stem}")
-    for stem, names in quaternions(log):
+    for stem, names, _ in quaternions(log):
         q = np.stack([log.columns[n] for n in names])
         turned = np.cumprod(np.where(np.nansum(q[:, 1:] * q[:, :-1], axis=0) < 0, -1.0, 1.0))
         own = [f"{called}_{stem}_{which}" for which in "wxyz"] if _REFERENCE.search(called) else names
@@ -93,7 +92,7 @@ def motion_cost(log: Log) -> float:
     w = np.stack([np.asarray(to_si(log.columns[n], log.guesses[n].unit)) for n in names])
     dt = np.diff(log.seconds)
     gyro_angle = np.linalg.norm(w[:, 1:] - np.nanmedian(w, axis=1, keepdims=True), axis=0) * dt
-    known = [[log.columns[n] for n in columns] for _, columns in quaternions(log)]
+    known = [[log.columns[n] for n in columns] for _, columns, _ in quaternions(log)]
     if attitude := log.values("attitude") or (known[0] if known else []):
         q = np.stack(attitude)
         reference_angle, spread = 2 * np.arccos(np.minimum(np.abs(np.sum(q[:, 1:] * q[:, :-1], axis=0)), 1.0)), 1 / 3
@@ -116,10 +115,10 @@ def motion_cost(log: Log) -> float:
     return float(min(0.5 * (np.log(ratio) / spread) ** 2, MAX_UNIT_COST))
 
 
-def _unit_of(q: Array) -> float:
-    """Return the length of quaternions q (4, n), that of a usual fixed-point number or 1; 0 where they have no such."""
+def _length(q: Array) -> float:
+    """Return the length of quaternions q (4, n), one of `LENGTHS`; 0 where these are no quaternions."""
     whole = np.isfinite(q).all(axis=0)
     norm = np.linalg.norm(q[:, whole], axis=0)
     if whole.mean() <= MIN_WHOLE:
         return 0.0
-    return next((u for u in UNITS if np.mean(np.abs(norm / u - 1) < MAX_NORM_ERROR) > 0.9), 0.0)
+    return next((one for one in LENGTHS if np.mean(np.abs(norm / one - 1) < MAX_NORM_ERROR) > 0.9), 0.0)

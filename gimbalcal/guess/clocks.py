@@ -45,7 +45,7 @@ EPOCH_GAIN = 4.0  # nats, of a unit in which the clock states a day of this cent
 MIN_DURATION_S, SHORT_COST = 1.0, 6.0  # of a log, and nats against a unit in which it is shorter
 MIN_ROWS = 3
 MAX_DISTANCE = 2.0  # of the step between stamps, of evenly spaced rows from their stamps
-MAX_UNEVENNESS, MIN_UNEVEN_ROWS = 0.2, 100  # of a step, of a column that nothing calls a clock; or so many rows
+MAX_JITTER_OF_FEW, MANY_ROWS = 0.2, 100  # of a step, of a clock without a name in fewer rows
 MAX_SENSORS = 8  # that write into one log in turn
 MIN_TURNS = 5  # of all of them, that show so
 SENSOR_CHANGE_RATIO = 3.0  # times the change from one turn to the next: that from sensor to sensor
@@ -224,10 +224,10 @@ def regular_column(log: Log) -> str:
 def may_be_clock(x: Array) -> bool:
     """Return whether a growing column (n,) that nothing calls a clock may be one.
 
-    The number of each row is none, nor what a table of few rows is sorted by, a temperature or an angle, in steps that
-    differ.
+    A column that counts the rows is no clock. Neither is a temperature or an angle by which a table of few rows is
+    sorted: its steps differ.
     """
-    even = clock_jitter(x) < MAX_UNEVENNESS or len(x) >= MIN_UNEVEN_ROWS or unit_of_epoch(x) != ""
+    even = clock_jitter(x) < MAX_JITTER_OF_FEW or len(x) >= MANY_ROWS or unit_of_epoch(x) != ""
     return even and not counts_rows(x)
 
 

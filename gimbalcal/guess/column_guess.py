@@ -40,7 +40,7 @@ MAX_DWELLS = 2000  # rows of such a table
 MIN_DWELL_STEP_S = 0.5  # from one of its rows to the next
 # rows that show an ellipsoid, and how far from it most rests are, in g
 MIN_ELLIPSOID_ROWS, MAX_OFF_ELLIPSOID = 30, 0.02
-MIN_CLOCK_ROWS, MAX_RESTARTS = 20, 3  # of a column that grows but for so many rows
+MIN_CLOCK_ROWS, MAX_RESTARTS = 20, 3  # of a clock without a name that begins again
 MAX_NUMBERED = 100  # rows that are numbered as positions although the force hardly turns: a count of samples has more
 MIN_REPEATED, MIN_READ_ROWS, UNLIKE_REPEATS = 0.4, 100, 3.0  # of the rows; others; times the usual number
 MIN_HELD_ROWS, MIN_PROBABILITY = 20, 1e-6  # equal rows of all sensors that may be held, and that chance leaves so

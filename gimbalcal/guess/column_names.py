@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 from gimbalcal.guess.log import Guess
@@ -253,16 +253,25 @@ def counted_from_one(names: Iterable[str]) -> dict[str, Guess]:
 
 def _increment(words: str, why: str) -> Guess | None:
     """Return the guess about a column of increments of angle or velocity; None for others."""
-    parts = words.split("_")
-    if NOT_A_TRIAD.intersection(parts):
+    if NOT_A_TRIAD.intersection(words.split("_")):
         return None
+    for quantity, match, rest in _matches(words, _INCREMENTS):
+        unit = unit_written(_rest(rest, match))
+        return Guess(quantity, AXIS[match["axis"]], unit if unit in ANGLES else "", why, increments=True)
+    return None
+
+
+def _matches(words: str, patterns: Mapping[str, re.Pattern[str]]) -> Iterator[tuple[str, re.Match[str], str]]:
+    """Yield quantity and match of words by patterns, and the words from which on they match.
+
+    What stands before, the name of a topic or of a device, does not count.
+    """
+    parts = words.split("_")
     for k in range(len(parts)):
         rest = "_".join(parts[k:])
-        for quantity, pattern in _INCREMENTS.items():
+        for quantity, pattern in patterns.items():
             if match := pattern.match(rest):
-                unit = unit_written(_rest(rest, match))
-                return Guess(quantity, AXIS[match["axis"]], unit if unit in ANGLES else "", why, increments=True)
-    return None
+                yield quantity, match, rest
 
 
 def _triad(words: str) -> tuple[str, str, str] | None:
@@ -274,26 +283,21 @@ def _triad(words: str) -> tuple[str, str, str] | None:
 
 
 def _triad_by_word(words: str) -> tuple[str, str, str] | None:
-    """Return quantity, axis and unit by words alone; those before it (the name of a topic, a device) do not count."""
+    """Return quantity, axis and unit of a column of a triad by words alone; None for others."""
     parts = words.split("_")
     if NOT_A_TRIAD.intersection(parts):
         return None
-    for k in range(len(parts)):
-        rest = "_".join(parts[k:])
-        for quantity, pattern in _TRIADS.items():
-            match = pattern.match(rest)
-            if match:
-                between = match["unit"] or ""
-                between = {"rad": "rad_s", "deg": "deg_s"}.get(between, between)
-                return quantity, AXIS[match["axis"]], unit_written(_rest(rest, match)) or _UNITS.get(between, "")
+    for quantity, match, rest in _matches(words, _TRIADS):
+        between = match["unit"] or ""
+        between = {"rad": "rad_s", "deg": "deg_s"}.get(between, between)
+        return quantity, AXIS[match["axis"]], unit_written(_rest(rest, match)) or _UNITS.get(between, "")
     for quantity, pattern in _AXIS_FIRST.items():
-        match = pattern.match(words)
-        if match:
-            return quantity, AXIS[match[1]], _UNITS.get(_rest(words, match), "")
-    match = _LETTER_AND_UNIT.match(words)  # AsX (deg/s): whatever it is called, the unit says what it is
-    if match and _UNITS.get(match[2]) in _QUANTITY_OF_UNIT and parts[0] not in ("max", "index"):
-        unit = _UNITS[match[2]]
-        return _QUANTITY_OF_UNIT[unit], AXIS[match[1]], unit
+        if axis_first := pattern.match(words):
+            return quantity, AXIS[axis_first[1]], _UNITS.get(_rest(words, axis_first), "")
+    letter = _LETTER_AND_UNIT.match(words)  # AsX (deg/s): whatever it is called, the unit says what it is
+    if letter and _UNITS.get(letter[2]) in _QUANTITY_OF_UNIT and parts[0] not in ("max", "index"):
+        unit = _UNITS[letter[2]]
+        return _QUANTITY_OF_UNIT[unit], AXIS[letter[1]], unit
     return None
 
 

@@ -35,7 +35,7 @@ ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are print
 MAX_UNEVENNESS = 3.0  # nats, between the scatter of the axes of one triad
 MIN_FILLED = 0.9  # of the rows of a column that is looked at
 MIN_STAMPS = 10  # distinct values, at the least, of a clock without a name
-MIN_STANDING_ROWS = 10  # on average, in which a place stands
+MIN_STANDING_ROWS = 10  # on average, in which the place of a station is repeated
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbers
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
@@ -80,9 +80,10 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
 
 
 def _stands_still(x: Array) -> bool:
-    """Return whether a column (n,) holds one value, or stands at values that it comes back to, as a place does.
+    """Return whether a column (n,) holds one value, or a few values that it returns to, as the latitudes of stations.
 
-    So does a sensor at rest, but in its steps; what a recorder held does not come back.
+    A sensor at rest returns to its values too, but these are steps of its quantisation; values that a recorder repeats
+    are not returned to.
     """
     values, stretches = len(np.unique(x)), int(np.count_nonzero(np.diff(x))) + 1
     comes_back = 1.5 * values < stretches <= len(x) / MIN_STANDING_ROWS

@@ -37,7 +37,7 @@ from gimbalcal.units import to_si
 ANGLE_UNITS, RATE_UNITS_OF_TABLE = ("deg", "rad", "rev"), ("deg/s", "rad/s", "rev/min")  # of an unnamed readout
 MAX_MISFIT_RATIO = 0.7  # of a model with fewer axes, from which one more is believed in
 EQUAL_MISFIT_RATIO = 1.05  # of the smallest misfit: as good, and the simpler model is taken
-MAX_UNEXPLAINED = 0.9  # of what gyroscopes read, noise included: one of many columns goes with the rest by chance
+MAX_UNEXPLAINED = 0.9  # of what gyroscopes read, noise included; a column that leaves more fits by chance
 MIN_TRAVEL = 0.05  # rad, of an axis
 MIN_RATE_CHANGE = np.radians(0.5)  # rad/s, within which a drift moves gyroscopes that nothing turned
 
@@ -151,7 +151,7 @@ def missing_table(log: Log, parts: bool) -> str:
 def _axis_candidates(log: Log) -> dict[str, Array]:
     """Return columns that may be angles or rates of a rig, and turn."""
     named = {n: log.columns[n] for n in log.names("gimbal_angle")}
-    of_attitude = {n for _, names in quaternions(log) for n in names}
+    of_attitude = {n for _, names, _ in quaternions(log) for n in names}
     unnamed = [n for n in log.unknown if n not in of_attitude and not is_estimated(n) and not _is_of_a_sensor(n)]
     candidates = {n: x for n, x in log.columns.items() if n in named or n in unnamed}
     return {n: x for n, x in candidates.items() if np.isfinite(x).mean() > 0.5 and np.nanmin(x) < np.nanmax(x)}

@@ -73,17 +73,18 @@ def first_line(path: Path) -> int:
 
 
 def characters_below(path: Path, line: int, characters: str) -> str:
-    """Return those of some ASCII characters that stand anywhere in a file below its first lines.
+    """Return which of some ASCII characters occur in a file below its first `line` lines.
 
-    A scan for a character is a tenth of what a reader of CSV takes to look for comments or for words in each cell.
+    Searching the file for a character is much cheaper than having the reader of CSV look for comments in each line, or
+    for words without a value in each cell.
     """
-    found = set[str]()
+    present = set[str]()
     with path.open("rb") as file:
         for _ in range(line):
             file.readline()
         while block := file.read(1 << 20):
-            found |= {each for each in characters if each.encode() in block}
-    return "".join(found)
+            present |= {each for each in characters if each.encode() in block}
+    return "".join(present)
 
 
 def lines(path: Path, skip: int = 0) -> Iterator[tuple[int, list[str]]]:

@@ -168,7 +168,7 @@ def _scan(path: Path, names: Sequence[str]) -> pl.LazyFrame:
     types = {
         old: pl.Float64 if name in names and not text else pl.String for old, name in zip(there, present, strict=True)
     }
-    # neither comments nor words for no value are looked for where none can be: half of the time that reading takes
+    # the reader looks for comments and for words without a value only where the file can hold any: both are slow
     above = first_line(path) - 1
     marks = characters_below(path, above + named, COMMENT + "".join({word[0] for word in EMPTY}))
     lazy = pl.scan_csv(

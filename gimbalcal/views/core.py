@@ -34,7 +34,7 @@ from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
 FLAT_PRIOR_SIGMAS = 1e6  # sigmas of all rows together that one sigma of a flat prior stands for
-MAX_CHANNEL_RATIO = 6.0  # of the rms residual of one channel to another; a law of one axis makes them differ by less
+MAX_CHANNEL_RATIO = 6.0  # of the rms residual of one channel to another; from 3 on a weak law of one axis was lost
 COURSE = 80  # half periods of the course of a sensor in time: what a walk holds beyond them is a 400th of it
 EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
 
@@ -131,11 +131,6 @@ class View:
     def weight(self) -> Array:
         """Weights (n, C) in units of which all rows are equally sure; the surest have one."""
         return self.noise.weight((len(self), len(self.channels)))
-
-    @property
-    def channels_share_scale(self) -> bool:
-        """Return whether several channels have one scale of noise, which nobody states: those of stars."""
-        return len(self.channels) > 1 and not (self.noise.scale_known or self.noise.of_each_channel)
 
     @property
     def visits(self) -> Local:
@@ -288,7 +283,7 @@ class Fit:
 
     @property
     def channels_differ(self) -> bool:
-        """Return whether one channel scatters far more than another: they have no scale in common."""
+        """Return whether the residual of one channel is that much larger than another's that they share no scale."""
         return bool(np.max(self.rms_of_channels) > MAX_CHANNEL_RATIO * np.min(self.rms_of_channels))
 
     @property

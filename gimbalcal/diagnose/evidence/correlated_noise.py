@@ -22,8 +22,8 @@ WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
 MANY_ROWS = 200  # rows of a view, beyond which a wander of a small share of their variance is visible
 SMALL_WANDER, SMALL_SHARE = (0.95, 0.99, 0.998), (0.03, 0.1, 0.3)  # memory and share of such a wander
 WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
-OFFSET_MEMORY, OFFSET_SHARE = 0.9999, (0.05, 0.2, 0.6)  # the same of what is new in each group of rows
-OFFSETS = 0.2  # prior probability of such offsets, by that of none
+OFFSET_MEMORY, OFFSET_SHARE = 0.9999, (0.05, 0.2, 0.6)  # memory and share of an offset that a group of rows shares
+OFFSETS = 0.2  # prior probability that groups have offsets, by that of none
 POLES = (
     (0.0, 0.0), (0.5, 0.0), (0.7, 0.3), (0.7, 0.5), (0.85, -0.3), (0.85, 0.0), (0.85, 0.3), (0.85, 0.85),
     (0.95, -0.3), (0.95, 0.0), (0.95, 0.3), (0.95, 0.7), (0.99, -0.3), (0.99, 0.0), (0.99, 0.4),

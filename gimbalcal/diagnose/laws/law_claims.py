@@ -65,7 +65,7 @@ MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formu
 SAME_COLUMN = 1e-3  # of a column, which a formula that spans the rest of it holds
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
 MIN_DIFFERENCE = 4.0  # of chi^2, by which a formula says something else than a cause
-MIN_GROUPS = 20  # of rows that are held out together, of which two are left out, of fewer one
+MIN_GROUPS = 20  # of rows that are held out together, from which on two are left out and not one
 MAX_GAIN_CHANGE = 0.3  # of a sensor by a law: beyond, it is another sensor
 MAX_SCATTER_RATIO = 1.5  # of a formula to causes with more parameters, from which on it replaces none
 
@@ -216,9 +216,10 @@ def law_of_searches(
     best_else = _best_else(ranked)
     best, others = chosen_law(g, every, best_else + (SEPARATION_EVIDENCE + NAME_ODDS) * bool(instead) - b.ln_known)
     if best is None and instead:
-        near = every[:MAX_COMPARED_LAWS]
-        likelier = _together(near) > best_else and _together(_rivals_of_members(ranked, instead, near)) > best_else
-        return Lawful(formula_is_likelier=likelier)
+        likeliest = every[:MAX_COMPARED_LAWS]
+        likelier = _joint_evidence(likeliest) > best_else  # else no selection of them is
+        rivals = _rivals_of_members(ranked, instead, likeliest) if likelier else []
+        return Lawful(formula_is_likelier=_joint_evidence(rivals) > best_else)
     if best is not None and not instead and (as_likely := _known_causes_as_likely(ranked, b.total)):
         return Lawful(
             (),
@@ -299,7 +300,7 @@ def _best_else(ranked: Ranking) -> float:
     return max(h.ln_weight for h in ranked.hypotheses if len({bool(every[i].rival) for i in h.members}) == 1)
 
 
-def _together(laws: Sequence[Law]) -> float:
+def _joint_evidence(laws: Sequence[Law]) -> float:
     """Return the ln evidence of laws together, which is at least that of any selection of them; -inf of none."""
     return float(logsumexp(np.array([-np.inf, *(law.evidence for law in laws)])))
 
@@ -390,8 +391,8 @@ def causes_replaced_by_a_formula(
             continue
         known = max(h.ln_weight for h in s.hypotheses)
         if b.laws[0].evidence < known + CLAIM:
-            near = b.laws[:MAX_COMPARED_LAWS]
-            if _together(near) > known and _together(_rival_laws(s, near, names)) > known:
+            likeliest = b.laws[:MAX_COMPARED_LAWS]
+            if _joint_evidence(likeliest) > known and _joint_evidence(_rival_laws(s, likeliest, names)) > known:
                 doubtful |= {cause.effect for cause in own}
             continue
         fewer = _visible_columns(without, b.laws[0].columns) < sum(len(cause.parameters) for cause in own)
@@ -453,18 +454,18 @@ def _differs_from_causes(s: Search, law: Law, X: Array) -> bool:
 def _evidence_without_clearest_groups(s: Search, law: Law) -> float:
     r"""Return the ln evidence of a law without the groups of rows, of those held out, that show it most.
 
-    .. math:: (1 - p) (\ln E + c) - c , \qquad p = \sum_{g = 1, 2} \frac{|y_g|^2 - |y_g - a_g|^2}{|y|^2 - |y - a|^2}
+    .. math:: (1 - p) (\ln E + c) - c , \qquad p = \sum_{g \in G} \frac{|y_g|^2 - |y_g - a_g|^2}{|y|^2 - |y - a|^2}
 
-    with white rows y, what the law adds, a, and what its choice among others costs, c. A gust, a knock, or a jump in
-    noise with a memory is one event; among many formulas one follows two of them. Of few groups two are often the
-    extremes of the design, and the clearest alone is left out.
+    with white rows y, what the law adds, a, what its choice among others costs, c, and G the two groups that show it
+    most, of fewer than `MIN_GROUPS` the one. A gust, a knock, or a jump in noise with a memory is one event; among many
+    formulas one follows two of them. Of few groups two are often the extremes of the design.
     """
     *_, y, added = _whitened(s, law)
     group = np.repeat(s.fit.view.groups, s.fit.residual.shape[1])
     if len(group) != len(y):
         return law.evidence
-    gain, left_out = y**2 - (y - added) ** 2, 2 if len(np.unique(group)) >= MIN_GROUPS else 1
-    share = np.sort(np.bincount(group, gain))[-left_out:].sum() / gain.sum()
+    gain, count = y**2 - (y - added) ** 2, 2 if len(np.unique(group)) >= MIN_GROUPS else 1
+    share = np.sort(np.bincount(group, gain))[-count:].sum() / gain.sum()
     return float((1 - share) * (law.evidence + law.cost) - law.cost)
 
 

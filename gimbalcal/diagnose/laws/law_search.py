@@ -500,11 +500,12 @@ def _best_families(grounds: Sequence[Sequence[Target]], laws: Sequence[Family]) 
     return [_best_by_length(targets, own) for targets, own in zip(grounds, tops, strict=True)]
 
 
-Best = tuple[float, Family, int]  # what the best expression of a family explains, and its ordinal there
+Best = tuple[float, Family, int]
+"""What the best expression of a family explains, less the cost of its choice; the family, and its ordinal there."""
 
 
 def _keep_better(tops: Sequence[dict[str, Best]], law: Family, worth: Array) -> None:
-    """Put a family of worth (targets, K) by its name where it explains more than what stands there, or than nothing."""
+    """Keep at each target the best of a family of worth (targets, K) if it explains more than what is kept so far."""
     name, cost = " * ".join(own.terms[0].family for own in law), math.log(math.prod(own.terms[0].tried for own in law))
     best = worth.argmax(axis=1)
     gains = worth[np.arange(len(worth)), best] - cost

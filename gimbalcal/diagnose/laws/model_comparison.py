@@ -122,7 +122,7 @@ def with_cause(s: Search, members: Sequence[int]) -> Search:
     known = s.fit.view.noise.scale_known
     fit = replace(s.fit, jacobian=np.concatenate([s.fit.jacobian, X], axis=2)) if known else with_columns(s.fit, X)
     none = Library((), np.zeros((len(s.rows.Q), 0)))
-    # scales of channels are those of rows as the former model has divided them
+    # a noise of a search has scales of the channels, which are those of rows by the model without these causes
     nodes = [p.node for p in s.projections] if known else possible_noises(fit)
     rows = reduced_rows(fit, none.X, nodes)
     each = project_all(nodes, rows)

@@ -32,7 +32,7 @@ from gimbalcal.estimate.gyroscopes.residual_checks import (
     singular_in_words,
     sizes_in_words,
     turns_in_words,
-    unseen_in_words,
+    undetermined_in_words,
 )
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     BIAS,
@@ -96,10 +96,10 @@ def gyroscopes_between_rests(
     if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
         turns = turns.levelled(level.effects)
     further = [t for t in terms_moving if t not in base]
-    fits, declined, doubt, unseen = Fits(), dict[str, str](), list[str](), tuple[Parameter, ...]()
+    fits, declined, doubt, undetermined = Fits(), dict[str, str](), list[str](), tuple[Parameter, ...]()
     if base or moving.parameters:
-        unseen = undetermined_parameters(turns, accelerometers, base)
-        linear = fit_turns(turns, base, moving, unseen)
+        undetermined = undetermined_parameters(turns, accelerometers, base)
+        linear = fit_turns(turns, base, moving, undetermined)
         doubt = [] if moving.parameters else singular_in_words(linear.condition) or astray_in_words(turns, linear.rms)
         if doubt and turns.scale != 1.0:
             raise InputError(f"{doubt[0]}; nor do they show what a count of the rates is")
@@ -110,7 +110,9 @@ def gyroscopes_between_rests(
                 base,
                 linear,
                 further,
-                lambda terms, without: _attempt_terms(turns, accelerometers, terms, without, tried, moving, unseen),
+                lambda terms, without: _attempt_terms(
+                    turns, accelerometers, terms, without, tried, moving, undetermined
+                ),
             )
     if why:
         declined[G_SENSITIVITY] = why
@@ -121,9 +123,9 @@ def gyroscopes_between_rests(
         sentences += singular_in_words(fit.condition) or (
             turns_in_words(turns, accelerometers, level.residual[0], fit.rms)
             + sizes_in_words(turns, fit)
-            + unseen_in_words(unseen)
+            + undetermined_in_words(undetermined)
         )
-    calibration = _calibration(level, fits, declined, unseen if fits else (), turns.scale)
+    calibration = _calibration(level, fits, declined, undetermined if fits else (), turns.scale)
     calibration = replace(calibration, outcome=joined_sentences(sentences))
     return extra.complete(calibration)
 
@@ -156,14 +158,14 @@ def _refuse_term(term: str, missing: str, title: str) -> None:
 
 def _attempt_terms(
     turns: Turns, accelerometers: Calibration, terms: tuple[str, ...], without: ViewsFit, tried: int,
-    extra: Extension, unseen: Sequence[Parameter],
+    extra: Extension, undetermined: Sequence[Parameter],
 ) -> ViewsFit | str:  # fmt: skip
     """The fit with the last of the terms, or why the turns do not support it."""
     own = [p for p in undetermined_parameters(turns, accelerometers, terms) if p.effect == terms[-1]]
     if len(own) == len(parameters(CATALOGUE[terms[-1]])):
         return f"{terms[-1]} is left out: {HARDLY_SHOWN}"
     try:
-        fit = fit_turns(turns, terms, extra, (*unseen, *own))
+        fit = fit_turns(turns, terms, extra, (*undetermined, *own))
     except InputError as problem:
         return f"{terms[-1]} is left out: {problem}"
     sigma = np.maximum(fit.sigmas, fit.left_out[1])
@@ -181,7 +183,7 @@ def _degrees_of_freedom(fit: ViewsFit) -> int:
 
 
 def _calibration(
-    level: ViewsFit, fits: Fits, declined: dict[str, str], unseen: Sequence[Parameter], scale: float
+    level: ViewsFit, fits: Fits, declined: dict[str, str], undetermined: Sequence[Parameter], scale: float
 ) -> Calibration:
     fit = fits[-1][1] if fits else None
     wanted = (*level.parameters, *(fit.parameters if fit else ()))
@@ -208,7 +210,7 @@ def _calibration(
         "turns", with_values((*level.effects, *(fit.effects if fit else ())), wanted, x), wanted,
         block_diagonal([f.covariance for f in (level, fit) if f]),
         (
-            *(Unobservable.of([p], HARDLY_SHOWN) for p in unseen),
+            *(Unobservable.of([p], HARDLY_SHOWN) for p in undetermined),
             *(Unobservable.of(parameters(CATALOGUE[t]), why) for t, why in declined.items()),
         ),
         Residual(float(dof), dof, rms),

@@ -104,9 +104,11 @@ def _direction_sigma(turns: Turns, accelerometers: Calibration) -> Array:
     return np.asarray(np.sqrt(sample**2 / turns.means.weight + excess**2) / turns.means.site.gravity)
 
 
-def unseen_in_words(unseen: Sequence[Parameter]) -> list[str]:
-    """Return a sentence on parameters that the turns do not determine; none where there are none."""
-    axes = sorted({p.axis for p in unseen if p.effect == "gyro_scale_factor"} or {p.axis[-1] for p in unseen})
+def undetermined_in_words(undetermined: Sequence[Parameter]) -> list[str]:
+    """Return a sentence that says about which axes to turn for parameters that are not determined, if there are any."""
+    axes = sorted(
+        {p.axis for p in undetermined if p.effect == "gyro_scale_factor"} or {p.axis[-1] for p in undetermined}
+    )
     about = f"{', '.join(axes[:-1])} and {axes[-1]}" if len(axes) > 1 else "".join(axes)
     if not axes:
         return []

@@ -61,8 +61,8 @@ def rests_joined_by_turns(recording: Recording, accelerometers: Calibration, tur
     if turns is not None and not recording.platform.axes and logged_turns(recording):
         linear: tuple[Effect, ...] = ()
         with suppress(InputError):  # the turns may not determine all of it
-            unseen = undetermined_parameters(turns, accelerometers, GYROSCOPE_INPUT_TERMS)
-            linear = fit_turns(turns, GYROSCOPE_INPUT_TERMS, unseen=unseen).effects
+            undetermined = undetermined_parameters(turns, accelerometers, GYROSCOPE_INPUT_TERMS)
+            linear = fit_turns(turns, GYROSCOPE_INPUT_TERMS, undetermined=undetermined).effects
         carried = dict(zip(turns.ends.tolist(), swept_rotation(turns, linear), strict=True))
     return rest_rates(recording, accelerometers, turns.scale if turns else 1.0, carried)
 
@@ -110,15 +110,15 @@ def by_motion(extra: Extension, still: View) -> tuple[Extension, Extension]:
 
 
 def fit_turns(
-    turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSION, unseen: Collection[Parameter] = ()
+    turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSION, undetermined: Collection[Parameter] = ()
 ) -> ViewsFit:
     """Fit the terms' parameters, and those of extra effects, to gravity after each turn.
 
-    unseen: parameters of the terms that are left out. Raises InputError where there are fewer turns than parameters ask
-    for, or none that tells some of them apart.
+    undetermined: parameters of the terms that are left out. Raises InputError where there are fewer turns than
+    parameters ask for, or none that tells some of them apart.
     """
     view = gravity_after_turns(turns)
-    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t]) if p not in unseen), *extra.parameters)
+    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t]) if p not in undetermined), *extra.parameters)
     if not wanted:
         raise InputError(f"nothing in {number_of(len(view), 'turn')} shows any of {', '.join(terms)}: turn more often")
     if 2 * len(view) < len(wanted):
@@ -133,19 +133,24 @@ def fit_turns(
 
 
 def undetermined_parameters(turns: Turns, accelerometers: Calibration, terms: Sequence[str]) -> tuple[Parameter, ...]:
-    """Return parameters of the terms that the turns leave uncertain by more than any gyroscope is off.
+    r"""Return the parameters of the terms that the turns leave uncertain by more than any gyroscope is in error.
 
-    A unit that turned about one axis shows what all gyroscopes read of that rate; of the scale of the others it shows
-    next to nothing, and a fit makes any of it. The covariance is that of rows about sensors without errors, by what a
-    linear model leaves of them, or `MAX_ASTRAY` where that is more, as a wrong range does.
+    A unit that turned about one axis shows what all gyroscopes read of that rate, and next to nothing of the scale
+    factors of the others, for which a fit then returns any value. A parameter is undetermined where
+
+    .. math:: \sigma^2 (J^+ J^{+T})_{ii} + (J^+ N N^T J^{+T})_{ii} > 200^2 \quad \text{or} \quad
+        (J^+ J)_{ii} < 1 - 10^{-6}
+
+    with J the derivatives by prior sigmas about sensors without errors, N those of the nuisances, and sigma the rms of
+    what a linear model leaves of the rows, at most `MAX_ASTRAY`, since a wrong range leaves more.
     """
     rows = gravity_after_turns(turns, accelerometers).evaluate(())
     wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
     J, r = rows.jacobian(wanted).reshape(-1, len(wanted)) * prior(wanted)[1], rows.residual.ravel()
     inverse = np.linalg.pinv(J, rcond=MIN_SINGULAR_RATIO)
     resolution = inverse @ J
-    left = r - J @ (inverse @ r)
-    noise = min(float(np.sqrt(left @ left / max(len(r) - np.trace(resolution), 1.0))), MAX_ASTRAY)
+    residual = r - J @ (inverse @ r)
+    noise = min(float(np.sqrt(residual @ residual / max(len(r) - np.trace(resolution), 1.0))), MAX_ASTRAY)
     variance = noise**2 * (inverse**2).sum(axis=1)
     if rows.nuisance is not None:
         variance += ((inverse @ rows.nuisance.reshape(len(r), -1)) ** 2).sum(axis=1)
