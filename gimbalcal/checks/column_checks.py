@@ -261,13 +261,16 @@ def resolution(pieces: Sequence[Array]) -> tuple[float, int]:
     """
     levels: Array = np.zeros(0)
     counts: Array = np.zeros(0)
+    changes = 0
     for x in pieces:
         own, often = np.unique(x, return_counts=True)
+        changes += int(np.count_nonzero(np.diff(x)))
         if len(own) > len(x) / 2 and _all_distinct(own, often):
             return 0.0, 0  # all of 1e8 need not be compared
         levels, at = np.unique(np.concatenate([levels, own]), return_inverse=True)
         counts = np.bincount(at, weights=np.concatenate([counts, often.astype(float)])).astype(float)
-    if len(levels) < 2 or _all_distinct(levels, counts):
+    returns = len(levels) == 2 and changes > 2  # to both of two readings, which are neighbours on a coarse scale
+    if len(levels) < 2 or (_all_distinct(levels, counts) and not returns):
         return 0.0, len(levels)
     return float(np.diff(levels).min()), len(levels)
 

@@ -269,3 +269,22 @@ def test_a_channel_of_coarse_steps_stands_still_where_its_unit_does(tmp_path, fr
             read(at)
     else:
         assert len(read(at).time) == n
+
+
+def test_a_channel_that_reads_two_neighbours_of_a_coarse_scale_is_not_frozen(tmp_path):
+    """Steps of 0.01 rad/s, noise of 3 mrad/s: the first gyroscope reads 0.03 for most of the time, and 0.02 else."""
+    rng = np.random.default_rng(4)
+    n = 6000
+    x = np.round(rng.normal([0.031, 0.026, 0.01], 0.003, (n, 3)), 2).clip(0.01, 0.03)
+    x[1000:1900, 0] = 0.03  # as it drifts away from the edge of its step
+    samples = "t,gx,gy,gz\n" + "".join(f"{0.01 * k:.2f},{a},{b},{c}\n" for k, (a, b, c) in enumerate(x))
+    header = (
+        'format = 1\nkind = "multi-position"\ntitle = "coarse"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
+        + "".join(f'g{a} = {{ quantity = "angular_rate", axis = "{a}", unit = "rad/s" }}\n' for a in "xyz")
+    )
+    at = tmp_path / "coarse"
+    at.mkdir()
+    (at / "recording.toml").write_text(header)
+    (at / "samples.csv").write_text(samples)
+    assert np.unique(x[:, 0]).tolist() == [0.02, 0.03]
+    assert len(read(at).time) == n
