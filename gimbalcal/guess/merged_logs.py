@@ -146,6 +146,7 @@ def concatenated_logs(logs: Mapping[Path, Log]) -> tuple[Log, str]:
 
 
 def _stacked(logs: Sequence[Log]) -> Log:
-    columns = {n: np.concatenate([log.columns[n] for log in logs]) for n in logs[0].columns}
+    common = [n for n in logs[0].columns if all(n in log.columns for log in logs)]
+    columns = {n: np.concatenate([log.columns[n] for log in logs]) for n in common}
     counted = [n for n in logs[0].names("position") if logs[0].guesses[n].why == DWELL_ROWS]
     return replace(logs[0], columns=columns | {n: np.arange(1.0, len(columns[n]) + 1) for n in counted})

@@ -212,7 +212,8 @@ def _table(path: Path, variables: Mapping[str, Any]) -> Table:
 def _columns(path: Path, variables: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return vectors and components of matrices of one length, that of most sensors and numbers, by name, and scalars.
 
-    Three components are x, y, z, four of them w, x, y, z; a matrix that alone makes the table has columns by number.
+    A component that grows before the others is their clock. Three others are x, y, z, four of them w, x, y, z; a
+    matrix that alone makes the table has columns by number.
     And the names of what has rows too, but another number of them.
     """
     arrays = {name: np.squeeze(np.asarray(x)) for name, x in variables.items() if x is not None}
@@ -228,6 +229,9 @@ def _columns(path: Path, variables: Mapping[str, Any]) -> tuple[dict[str, Any], 
         raise InputError(f"{path} holds no array with a row for each reading; it has {listed}")
     out: dict[str, Any] = {name: x for name, x in arrays.items() if x.ndim == 0 and x.dtype.kind in "iuf"}
     kept = {name: x for name, x in tall.items() if len(x) == rows}
+    for name, x in kept.items():
+        if x.ndim == 2 and x.shape[1] in (2, 4, 5) and np.all(np.diff(x[:, 0]) > 0):
+            out[f"{name}_time"], kept[name] = x[:, 0], np.squeeze(x[:, 1:])
     for name, x in kept.items():
         letters = {3: "xyz", 4: "wxyz"}.get(x.shape[1], "") if x.ndim == 2 else ""
         if x.ndim == 1:

@@ -587,3 +587,26 @@ def test_a_column_that_explains_next_to_nothing_of_gyroscopes_at_rest_is_no_tabl
     head = "time,acc_x,acc_y,acc_z,gyro_x,gyro_y,gyro_z," + ",".join(f"m{k}" for k in range(12))
     found = propose_recording([rows(tmp_path / "log.csv", head, t, *force, *gyro, *wander)])
     assert not found.recording.platform.axes
+
+
+def at_rest(n, noise=0.02):
+    rng = np.random.default_rng(31)
+    return rng.normal([0.0, 0.0, G], noise, (n, 3)), rng.normal([0.02, 0.0, -0.01], 1e-3, (n, 3))
+
+
+def test_arrays_of_a_clock_and_a_triad_are_joined(tmp_path):
+    """Matrices of four rows, of which the first is a clock, and one of a clock and a temperature: no quaternions."""
+    f, w = at_rest(3000)
+    t = np.arange(3000) / 100
+    for name, x in (("accelBuffer", f.T), ("gyroBuffer", w.T), ("temperatureBuffer", np.full((1, 3000), 25.5))):
+        np.savez(tmp_path / f"{name}.npz", **{name: np.vstack([t, x])})
+    found = propose_recording(sorted(tmp_path.glob("*.npz"))).recording
+    np.testing.assert_allclose(found.triad("specific_force"), f, atol=1e-6)
+    np.testing.assert_allclose(found.triad("angular_rate"), w, atol=1e-6)
+    np.testing.assert_allclose(found.channels["temperature", ""], 25.5)
+
+
+def test_logs_of_which_no_column_is_known_are_refused_by_what_is_missing(tmp_path):
+    paths = [rows(tmp_path / f"{a}.csv", f"{a}_u,{a}_v,{a}_q", *np.ones((3, 9))) for a in ("first", "second")]
+    with pytest.raises(InputError, match=r"no three columns are a triad .* \(first_u, first_v, first_q\)"):
+        propose_recording(paths, rate=50.0)
