@@ -44,7 +44,10 @@ COSTS = {"s": 0.0, "ms": 2.0, TICKS: 5.0, "us": 2.0, FILETIME: 9.0, "ns": 2.0, "
 EPOCH_GAIN = 4.0  # nats, of a unit in which the clock states a day of this century; more where no log counts in it
 MIN_DURATION_S, SHORT_COST = 1.0, 6.0  # of a log, and nats against a unit in which it is shorter
 MIN_ROWS = 3
+MIN_GROWING = 0.9  # of the steps of a clock; a check names the rows at which it goes back
 MAX_DISTANCE = 2.0  # of the step between stamps, of evenly spaced rows from their stamps
+MAX_WAIT = 5.0  # of the step between packets, of most of them
+MAX_PACKET = 50  # rows that arrive together
 MAX_JITTER_OF_FEW, MANY_ROWS = 0.2, 100  # of a step, of a clock without a name in fewer rows
 MAX_SENSORS = 8  # that write into one log in turn
 MIN_TURNS = 5  # of all of them, that show so
@@ -102,22 +105,30 @@ def spread_stamps(t: Array) -> tuple[Array, str]:
     """Return a clock (n,) whose stamps stand at several rows, with these spread evenly, and a note; else as it is.
 
     Where most rows repeat a stamp, as those of a clock of whole seconds do, the rows are taken to be evenly spaced over
-    the whole log; a packet of rows with one stamp is spread up to the next stamp.
+    the whole log; a packet of rows with one stamp is spread up to the next stamp. So are packets whose rows are stamped
+    as they arrive, most of them within less than half the mean step.
     """
     step = np.diff(t)
-    equal = int(np.count_nonzero(step == 0))
-    if not equal or np.any(step < 0) or len(t) < MIN_ROWS or t[-1] == t[0]:
+    if len(t) < MIN_ROWS or np.any(step < 0) or t[-1] == t[0]:
         return t, ""
-    first = np.flatnonzero(np.concatenate([[True], step > 0]))
+    late = step > (t[-1] - t[0]) / len(step) / 2
+    in_packets = np.count_nonzero(~late) > len(step) / 2 and np.count_nonzero(late) > len(t) / MAX_PACKET
+    begins = late if in_packets else step > 0
+    equal = int(np.count_nonzero(~begins))
+    if not equal:
+        return t, ""
+    first = np.flatnonzero(np.concatenate([[True], begins]))
     rows, each = np.arange(len(t), dtype=float), len(t) / len(first)
     if each >= 1.5:
         slope, offset = np.polyfit(first, t[first], 1) if len(first) > 2 else (0.0, 0.0)
         even = offset + slope * rows
-        if slope > 0 and np.max(np.abs(even[first] - t[first])) < MAX_DISTANCE * float(np.median(np.diff(t[first]))):
+        off = np.quantile(np.abs(even[first] - t[first]), 0.99 if in_packets else 1.0)
+        if slope > 0 and off < (MAX_WAIT if in_packets else MAX_DISTANCE) * float(np.median(np.diff(t[first]))):
             return even, f"stamps stand at {each:.3g} rows each, which are taken to be evenly spaced"
     last = t[first[-1]] + float(np.median(np.diff(t[first])))
     spread_out = np.interp(rows, [*first, len(t)], [*t[first], last])
-    return spread_out, f"{equal} rows repeat the stamp of the row before and are spread up to the next stamp"
+    how = "repeat the stamp of the row before" if np.all(step[~begins] == 0) else "arrive in packets"
+    return spread_out, f"{equal} rows {how} and are spread up to the next stamp"
 
 
 def unwrapped_clock(t: Array) -> tuple[Array, str]:
@@ -149,10 +160,11 @@ def two_column_clock(columns: Mapping[str, Array]) -> tuple[str, str, Array, str
         if len(whole) < 3 or not all(np.all(np.isfinite(x)) and np.all(x == np.round(x)) for x in (whole, rest)):
             continue
         size = next((s for s in (1e3, 1e6, 1e9) if 0 <= rest.min() and 0.5 * s < rest.max() < s), 0.0)
-        if not size or not 0 < whole[-1] - whole[0] < len(whole):
+        time = whole - whole[0] + rest / (size or 1.0)
+        step = np.diff(time)
+        if not size or np.mean(step > 0) < MIN_GROWING or not 0 < np.median(step) < 1:
             continue
-        time = whole - whole[0] + rest / size
-        if np.all(np.diff(time) > 0) and np.any(np.diff(rest) < 0) and clock_jitter(time) < 1:
+        if np.any(np.diff(rest) < 0) and clock_jitter(time) < 1:
             return first, second, time, {1e3: "ms", 1e6: "us", 1e9: "ns"}[size]
     return None
 

@@ -610,3 +610,34 @@ def test_logs_of_which_no_column_is_known_are_refused_by_what_is_missing(tmp_pat
     paths = [rows(tmp_path / f"{a}.csv", f"{a}_u,{a}_v,{a}_q", *np.ones((3, 9))) for a in ("first", "second")]
     with pytest.raises(InputError, match=r"no three columns are a triad .* \(first_u, first_v, first_q\)"):
         propose_recording(paths, rate=50.0)
+
+
+def test_rows_that_are_stamped_as_their_packets_arrive_are_evenly_spaced(tmp_path):
+    """Five rows arrive within 8 ms, and packets 40 to 60 ms apart: 100 Hz, not 500."""
+    n = 4000
+    f, w = at_rest(n)
+    late = np.repeat(np.random.default_rng(32).uniform(0, 0.02, n // 5), 5)
+    t = 0.05 * (np.arange(n) // 5) + late + 0.002 * (np.arange(n) % 5)
+    found = propose_recording([rows(tmp_path / "log.csv", "time [s],ax,ay,az,gx,gy,gz", t, *f.T, *w.T)])
+    np.testing.assert_allclose(np.diff(found.recording.time), 0.01, rtol=1e-3)
+    assert found.notes["clock"] == "stamps stand at 5 rows each, which are taken to be evenly spaced"
+
+
+def test_a_pause_makes_no_packets_of_what_was_logged_before_and_after_it(tmp_path):
+    f, w = at_rest(600)
+    t = np.arange(600) / 100 + 900.0 * (np.arange(600) >= 300)
+    found = propose_recording([rows(tmp_path / "log.csv", "time [s],ax,ay,az,gx,gy,gz", t, *f.T, *w.T)])
+    np.testing.assert_allclose(found.recording.time - found.recording.time[0], t, atol=1e-6)
+    assert "clock" not in found.notes
+
+
+def test_whole_seconds_and_nanoseconds_are_a_clock_where_another_log_follows(tmp_path):
+    """What was exported after it is of an earlier time: the row at which the clock goes back is named."""
+    f, w = at_rest(500)
+    t = 1574069785.6 + np.arange(500) / 10 - 1700.0 * (np.arange(500) > 480)
+    seconds = np.floor(t)
+    head = "rosbagTimestamp,seq,secs,nsecs,gx,gy,gz,ax,ay,az"
+    stamps = (np.full(500, 1.57407e18), np.arange(500.0), seconds, np.round(1e9 * (t - seconds)))
+    path = rows(tmp_path / "raw.csv", head, *stamps, *w.T, *f.T, cell="{:.12g}")
+    with pytest.raises(InputError, match=r"row 482, column time of two columns: the clock jumps back by 1699.9 s"):
+        propose_recording([path])
