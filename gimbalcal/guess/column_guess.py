@@ -20,7 +20,14 @@ from gimbalcal.guess.column_names import (
     quantity_of_log,
     unit_written,
 )
-from gimbalcal.guess.column_values import by_order, by_similar_names, is_unit_of, signed_counts, unit_of_force
+from gimbalcal.guess.column_values import (
+    by_order,
+    by_similar_names,
+    in_another_unit,
+    is_unit_of,
+    signed_counts,
+    unit_of_force,
+)
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import DWELL_ROWS, without_duplicates
 from gimbalcal.guess.text_table import Table
@@ -339,6 +346,7 @@ def _restarting_clock(log: Log) -> str:
 def with_units(log: Log, stated: Mapping[str, str]) -> Log:
     """Return the log with units by quantity as stated, and where no name states one from the numbers.
 
+    Numbers that have the length of gravity in another unit than that in their names are in that one.
     Those of clock and gyroscopes that follow from their numbers stay open.
     """
     log = log.including(
@@ -349,9 +357,11 @@ def with_units(log: Log, stated: Mapping[str, str]) -> Log:
         }
     )
     names = log.names(FORCE)
-    if names and not all(is_unit_of(FORCE, log.guesses[n].unit) for n in names):
-        full = np.all([np.isfinite(x) for x in log.values(FORCE)], axis=0)
-        unit, why = unit_of_force([log.columns[n][full] for n in names])
+    named = {log.guesses[n].unit for n in names}
+    triad = [x[np.all([np.isfinite(y) for y in log.values(FORCE)], axis=0)] for x in log.values(FORCE)]
+    known = all(is_unit_of(FORCE, unit) for unit in named)
+    if names and not (known and (FORCE in stated or len(named) > 1 or not in_another_unit(triad, *named))):
+        unit, why = unit_of_force(triad)
         log = log.including({n: replace(log.guesses[n], unit=unit, why=f"{log.guesses[n].why}; {why}") for n in names})
     rates = log.names(RATE)
     if rates and not all(is_unit_of(RATE, log.guesses[n].unit) for n in rates):

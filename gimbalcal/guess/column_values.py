@@ -74,7 +74,7 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
         at = names.index(forces[0][0])
         triples = [names[k : k + 3] for k in (*range(at + 3, len(names) - 2, 3), *range(at - 3, -1, -3))]
     rates = [t for t in triples if t not in forces[:1] and not _points_everywhere(values(t))] if forces else []
-    rates.sort(key=lambda t: not all(map(_returns_to_a_level, values(t))))  # a magnetometer does not
+    rates.sort(key=lambda t: (not all(map(_returns_to_a_level, values(t))), _decades_from_zero(values(t))))
     out |= _triads(forces[:1], FORCE, lambda _: "", "three columns whose length hardly changes")
     return out | _triads(rates[:1], RATE, lambda _: "", "three columns beside the forces")
 
@@ -153,6 +153,13 @@ def _returns_to_a_level(x: Array) -> bool:
     return bool(high > level > low and np.mean(at_level) > 0.5)
 
 
+def _decades_from_zero(triple: Sequence[Array]) -> int:
+    """Return how far a vector is from zero, in powers of ten of its scatter: a magnetometer at rest is farther off."""
+    scatter = float(np.linalg.norm([np.mean(np.abs(np.diff(x))) for x in triple]))
+    level = float(np.linalg.norm([np.median(x) for x in triple]))
+    return round(np.log10(max(level / max(scatter, 1e-300), 1.0)))
+
+
 def _length(triple: Sequence[Array]) -> Array:
     return np.asarray(np.sqrt(sum(np.asarray(x) ** 2 for x in triple)))
 
@@ -217,6 +224,16 @@ def _unlike_gravity(triple: Sequence[Array]) -> tuple[bool, float]:
     middle = float(np.median(length))
     alike = any(abs(middle / size - 1) < MAX_GRAVITY_ERROR for size in GRAVITY.values())
     return not alike, float(np.quantile(np.abs(length / middle - 1), 0.9))
+
+
+def in_another_unit(triad: Sequence[Array], named: str) -> bool:
+    """Return whether accelerometers x, y, z (n,) read the length of gravity throughout, but not in the unit named."""
+    triad = [x[:: max(1, len(x) // MAX_SAMPLED_ROWS)] for x in triad]
+    if not len(triad[0]):
+        return False
+    unlike, spread = _unlike_gravity(triad)
+    off = abs(float(np.median(_length(triad))) / GRAVITY.get(named, np.nan) - 1)
+    return not unlike and spread < MAX_GRAVITY_ERROR and off > 1 - MAX_GRAVITY_ERROR
 
 
 def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:

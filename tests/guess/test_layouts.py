@@ -641,3 +641,22 @@ def test_whole_seconds_and_nanoseconds_are_a_clock_where_another_log_follows(tmp
     path = rows(tmp_path / "raw.csv", head, *stamps, *w.T, *f.T, cell="{:.12g}")
     with pytest.raises(InputError, match=r"row 482, column time of two columns: the clock jumps back by 1699.9 s"):
         propose_recording([path])
+
+
+def test_gyroscopes_without_names_are_the_triad_about_zero(tmp_path):
+    """Those of a unit at rest read nothing beside their noise; a magnetometer before them reads the field."""
+    f = at_rest(900)[0]
+    rng = np.random.default_rng(33)
+    field = np.round(rng.normal([-529.0, -29.0, -794.0], 10.0, (900, 3)))
+    rates = np.round(rng.normal([-22.0, -12.0, 4.0], 17.0, (900, 3)))
+    body = (np.round(f.T / G * 1000), field.T, rates.T)
+    path = rows(tmp_path / "raw.csv", "-16, -53, 982, -523, -18, -837, -19, 9, 4", *np.vstack(body), cell="{:.0f}")
+    found = propose_recording([path], rate=50.0)
+    assert [n for n, g in found.guesses.items() if g.quantity == "angular_rate"] == ["7", "8", "9"]
+
+
+def test_a_name_that_states_another_unit_than_the_length_of_gravity_is_not_believed(tmp_path):
+    t, f, w = turned()
+    found = propose_recording([rows(tmp_path / "log.csv", "time,aX (g),aY (g),aZ (g),gx,gy,gz", t, *f.T, *w.T)])
+    same(found, t, f, w)
+    assert "gravity is 9.807 m/s^2" in found.guesses["aX (g)"].why
