@@ -139,8 +139,9 @@ def _compare_magnitude(recording: Recording, force: Array, step: float) -> str:
             "gravity was taken off (a telephone's linear acceleration: log the accelerometers themselves), or these "
             'are increments: write quantity = "velocity_increment", unit = "m/s"'
         )
+    where = "in most rows" if step else "at rest"
     return (
-        f"at rest the specific force is {ratio * recording.site.gravity:.4g} m/s^2 where gravity is "
+        f"{where} the specific force is {ratio * recording.site.gravity:.4g} m/s^2 where gravity is "
         f"{recording.site.gravity:.4g} m/s^2, read in the unit {unit!r}; {remedy}"
     )
 

@@ -660,3 +660,15 @@ def test_a_name_that_states_another_unit_than_the_length_of_gravity_is_not_belie
     found = propose_recording([rows(tmp_path / "log.csv", "time,aX (g),aY (g),aZ (g),gx,gy,gz", t, *f.T, *w.T)])
     same(found, t, f, w)
     assert "gravity is 9.807 m/s^2" in found.guesses["aX (g)"].why
+
+
+def test_forces_without_gravity_keep_the_unit_of_their_names_and_are_refused(tmp_path):
+    """A telephone on a robot that drives now and then: the rest of the force happens to be some 1 m/s^2."""
+    f, w = at_rest(4000)
+    rng = np.random.default_rng(34)
+    f = (f - [0, 0, G]) + rng.normal(0, 1.0, (4000, 3)) * (np.arange(4000) % 1000 > 600)[:, None]
+    t = np.arange(4000) / 100
+    head = "time [s],acc_x [m/s^2],acc_y [m/s^2],acc_z [m/s^2],gyro_x [rad/s],gyro_y [rad/s],gyro_z [rad/s]"
+    w = w + rng.normal(0, 0.5, (4000, 3))
+    with pytest.raises(InputError, match=r"in most rows the specific force is .* gravity was taken off"):
+        propose_recording([rows(tmp_path / "log.csv", head, t, *f.T, *w.T)])
