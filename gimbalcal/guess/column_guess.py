@@ -36,7 +36,7 @@ from gimbalcal.inference.ellipsoid import design
 from gimbalcal.number import Array
 from gimbalcal.recording.columns import ROW_STEP_S
 from gimbalcal.recording.detection import step_of_most_changes
-from gimbalcal.recording.dwell import MISSED_ROW_STEPS
+from gimbalcal.recording.increments import intervals
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import to_si
 
@@ -126,8 +126,7 @@ def left_out_in_words(further: Sequence[str]) -> str:
 def _means_of_increments(log: Log) -> Log:
     """Return the log with mean forces and rates where columns hold increments; counts of these stay, as any counts.
 
-    They are means over the time since the row before, the usual step where that is unknown or rows are missing, in the
-    likeliest unit of the clock.
+    They are means over the intervals that a recording of increments divides by, in the likeliest unit of the clock.
     """
     names = [
         n for n, g in log.guesses.items() if g.increments and not np.all(log.columns[n] == np.round(log.columns[n]))
@@ -136,10 +135,8 @@ def _means_of_increments(log: Log) -> Log:
         return log
     if not is_unit_of("time", log.guesses[log.clock].unit):
         log = clocks.in_unit(log, clocks.unit_of_time(log.columns[log.clock])[0])
-    step = np.diff(log.seconds, prepend=np.nan)
-    usual = float(np.nanmedian(step))
-    step = np.where((step > 0) & (step < MISSED_ROW_STEPS * usual), step, usual)
-    means = {n: to_si(log.columns[n], log.guesses[n].unit or "1") / step for n in names}
+    dt, _ = intervals(log.seconds)
+    means = {n: to_si(log.columns[n], log.guesses[n].unit or "1") / dt for n in names}
     why = "an increment since the row before, divided by the time since then"
     guesses = {n: replace(log.guesses[n], why=f"{log.guesses[n].why}, {why}", increments=False) for n in names}
     return log.including({n: replace(g, unit="rad/s" if g.unit else "") for n, g in guesses.items()}, means)

@@ -44,17 +44,9 @@ class Increments:
             yield {name: x / dt if name in self.names else x for name, x in batch.items()}
 
     def _interval(self, time: Array) -> Array:
-        dt = np.diff(time, prepend=self.last)
-        if not self.usual:
-            step = np.diff(time)
-            self.usual = float(np.median(step)) if len(step) else 1.0
-            if not self.usual > 0:  # a clock too coarse to distinguish rows
-                self.usual = max(float(time[-1] - time[0]) / max(len(step), 1), np.finfo(float).tiny)
+        dt, self.usual = intervals(time, self.last, self.usual)
         self.last = float(time[-1])
-        # a regular clock stays one, so that equal increments stay equal: a frozen channel, the steps of a converter
-        rounding = 8 * np.finfo(float).eps * np.abs(time)
-        own = (dt > 0) & (dt < MISSED_ROW_STEPS * self.usual) & (np.abs(dt - self.usual) > rounding)
-        return np.where(own, dt, self.usual)
+        return dt
 
     @property
     def interval(self) -> Array:
@@ -81,6 +73,22 @@ class Increments:
             return values / dt
 
         return converted
+
+
+def intervals(time: Array, last: float = np.nan, usual: float = 0.0) -> tuple[Array, float]:
+    """Return the interval (n,) [s] that ends at each row of a clock (n,) [s], and the usual one.
+
+    last: the time of the row before the first one, if any. usual: that of the rows before these, 0 where none are.
+    """
+    dt, step = np.diff(time, prepend=last), np.diff(time)
+    if not usual:
+        usual = float(np.median(step)) if len(step) else 1.0
+    if not usual > 0:  # a clock too coarse to distinguish rows
+        usual = max(float(time[-1] - time[0]) / max(len(step), 1), np.finfo(float).tiny)
+    # a regular clock stays one, so that equal increments stay equal: a frozen channel, the steps of a converter
+    rounding = 8 * np.finfo(float).eps * np.abs(time)
+    own = (dt > 0) & (dt < MISSED_ROW_STEPS * usual) & (np.abs(dt - usual) > rounding)
+    return np.where(own, dt, usual), usual
 
 
 def _mean(column: Column) -> Column:

@@ -14,7 +14,7 @@ from gimbalcal.guess.text_table import tables_of
 from gimbalcal.guess.unit_candidates import stated_scales
 from gimbalcal.number import apply_matrix
 from gimbalcal.platform import KNOWN, Axis, Platform
-from gimbalcal.recording import dwells
+from gimbalcal.recording import dwells, from_frame
 from tests.golden import golden_text, refused
 from tests.guess.test_proposal import D, G, turned
 
@@ -498,6 +498,26 @@ def test_increments_of_angle_and_velocity_are_divided_by_their_time(names, tmp_p
     head = ",".join(["time", *(f"dVel_{a}" for a in "xyz"), *(names.format(a) for a in "XYZ")])
     found = propose_recording([rows(tmp_path / "log.csv", head, t, *(f * step).T, *(w * step).T)])
     same(found, t, f, w)
+
+
+def test_increments_are_divided_as_a_recording_of_them_is(tmp_path):
+    """Over steps that jitter and a pause: what `new` reads is what a header that states the increments reads."""
+    t, f, w = turned()
+    rng = np.random.default_rng(35)
+    t = t + rng.uniform(-0.2, 0.2, len(t)) * np.median(np.diff(t))
+    step = np.diff(t, prepend=2 * t[0] - t[1])
+    t = t + 3.0 * (np.arange(len(t)) > len(t) // 2)  # what was summed meanwhile is lost
+    names = [*(f"dVel_{a}" for a in "xyz"), *(f"dTheta_{a}" for a in "xyz")]
+    columns = dict(zip(names, np.vstack([f.T, w.T]) * step, strict=True))
+    path = rows(tmp_path / "log.csv", ",".join(["t", *names]), t, *columns.values(), cell="{:.17g}")
+    found = propose_recording([path])
+    header = {"t": {"quantity": "time", "unit": "s"}}
+    for name in names:
+        quantity, unit = ("velocity_increment", "m/s") if "Vel" in name else ("angle_increment", "rad")
+        header[name] = {"quantity": quantity, "axis": name[-1], "unit": unit}
+    stated = from_frame({"t": t, **columns}, header, kind="multi-position", platform="bench", title="stated")
+    for quantity in ("specific_force", "angular_rate"):
+        np.testing.assert_allclose(found.recording.triad(quantity), stated.triad(quantity), rtol=1e-12)
 
 
 def test_counts_of_increments_stay_counts(tmp_path):
