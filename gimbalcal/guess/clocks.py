@@ -101,18 +101,19 @@ def unit_of_epoch(time: Array) -> str:
     return ""
 
 
-def spread_stamps(t: Array) -> tuple[Array, str]:
+def spread_stamps(t: Array, sampled: bool = False) -> tuple[Array, str]:
     """Return a clock (n,) whose stamps stand at several rows, with these spread evenly, and a note; else as it is.
 
     Where most rows repeat a stamp, as those of a clock of whole seconds do, the rows are taken to be evenly spaced over
-    the whole log; a packet of rows with one stamp is spread up to the next stamp. So are packets whose rows are stamped
-    as they arrive, most of them within less than half the mean step.
+    the whole log; a packet of rows with one stamp is spread up to the next stamp. So are packets of samples that are
+    stamped as they arrive, most of them within less than half the mean step; readings at a place follow each other so,
+    too. sampled: whether the clock ticks too fast for those.
     """
     step = np.diff(t)
     if len(t) < MIN_ROWS or np.any(step < 0) or t[-1] == t[0]:
         return t, ""
     late = step > (t[-1] - t[0]) / len(step) / 2
-    in_packets = np.count_nonzero(~late) > len(step) / 2 and np.count_nonzero(late) > len(t) / MAX_PACKET
+    in_packets = sampled and len(t) / MAX_PACKET < np.count_nonzero(late) < len(step) / 2
     begins = late if in_packets else step > 0
     equal = int(np.count_nonzero(~begins))
     if not equal:

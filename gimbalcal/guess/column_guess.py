@@ -86,7 +86,7 @@ def guess_columns(path: Path, table: Table, rate: float, elsewhere: Set[str], un
     log, note = _timed_rows(log)
     notes |= {"time": note} if note else {}
     if log.has("time"):
-        time, note = clocks.spread_stamps(log.columns[log.clock])
+        time, note = clocks.spread_stamps(log.columns[log.clock], _is_sampled(log))
         log = log.including({}, {log.clock: time})
         notes |= {"clock": note} if note else {}
     dwell_rows = _rows_are_dwells(log)

@@ -643,6 +643,17 @@ def test_rows_that_are_stamped_as_their_packets_arrive_are_evenly_spaced(tmp_pat
     assert found.notes["clock"] == "stamps stand at 5 rows each, which are taken to be evenly spaced"
 
 
+def test_readings_at_places_are_no_packets(tmp_path):
+    """Five readings at each of 24 places, 2 s apart, and a minute on the way: their times stay."""
+    rng = np.random.default_rng(36)
+    f = G * np.repeat(rng.normal(size=(24, 3)), 5, axis=0)
+    f /= np.linalg.norm(f, axis=1, keepdims=True) / G
+    t = 60.0 * (np.arange(120) // 5) + 2.0 * (np.arange(120) % 5)
+    place = np.arange(120) // 5 + 1.0
+    found = propose_recording([rows(tmp_path / "log.csv", "time [s],position,ax,ay,az", t, place, *f.T)])
+    np.testing.assert_allclose(found.recording.time, t)
+
+
 def test_a_pause_makes_no_packets_of_what_was_logged_before_and_after_it(tmp_path):
     f, w = at_rest(600)
     t = np.arange(600) / 100 + 900.0 * (np.arange(600) >= 300)
