@@ -674,6 +674,17 @@ def test_whole_seconds_and_nanoseconds_are_a_clock_where_another_log_follows(tmp
         propose_recording([path])
 
 
+def test_a_second_log_of_which_nothing_is_known_is_not_dropped(tmp_path):
+    """An optical tracker's places and quaternions, without names."""
+    f, w = at_rest(500)
+    t = np.arange(500) / 100
+    first = rows(tmp_path / "imu.csv", "time [s],ax,ay,az,gx,gy,gz", t, *f.T, *w.T)
+    place = np.random.default_rng(37).normal([-0.7, 1.0, -0.75, 0.0, 0.815, 0.22, 0.536], 1e-3, (500, 7))
+    second = rows(tmp_path / "mocap.csv", "-0.01,-0.7,1.0,-0.75,0,0.815,0.22,0.536", t, *place.T)
+    with pytest.raises(InputError, match=r"mocap.csv: its columns have no names, .* name them \(temperature, ref_qw"):
+        propose_recording([first, second])
+
+
 def test_gyroscopes_without_names_are_the_triad_about_zero(tmp_path):
     """Those of a unit at rest read nothing beside their noise; a magnetometer before them reads the field."""
     f = at_rest(900)[0]
