@@ -100,6 +100,11 @@ def unit_of_all(e: Examined) -> str:
     return _compare_magnitude(e.rests, e.force, 0.0)
 
 
+def lacks_gravity(e: Examined) -> bool:
+    """Return whether the force is far less than gravity in most rows, as where it was taken off."""
+    return float(np.median(np.linalg.norm(e.some_force, axis=1))) < NO_GRAVITY * e.recording.site.gravity
+
+
 def unit_of_every_row(e: Examined) -> str:
     """Refuse the force of a unit turned in its place whose norm is not gravity, in most rows."""
     return _compare_magnitude(e.recording, e.some_force, e.step)

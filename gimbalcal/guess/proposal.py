@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from gimbalcal.checks.check import Examined, make_checks
-from gimbalcal.checks.forces import unit_of_every_row
+from gimbalcal.checks.forces import lacks_gravity, unit_of_every_row
 from gimbalcal.checks.input_errors import MIN_AGREEMENT, Correction
 from gimbalcal.checks.measured_turns import MeasuredTurns, turns_of
 from gimbalcal.checks.rates import turns_explained
@@ -450,8 +450,8 @@ def _in_units(log: Log, context: _Context) -> Proposal:
         quiet = number_of(removed, "quiet stretch", "quiet stretches")
         notes["rests"] = f"{quiet} in which the gyroscopes turn are no rests"
     if not rests:
-        if log.has(FORCE) and not recording.counted(FORCE) and (length := unit_of_every_row(examined)):
-            raise _MovingUnitError(f"{context.title}: {length}")
+        if log.has(FORCE) and not recording.counted(FORCE) and lacks_gravity(examined):
+            raise _MovingUnitError(f"{context.title}: {unit_of_every_row(examined)}")
         turn = "; where the accelerometers are quiet the gyroscopes show turns" if removed else ""
         hold = "hold the unit still for some seconds in each of six or more attitudes"
         hold = hold if log.has(FORCE) else "leave the gyroscopes alone for some minutes for `gimbalcal noise`"

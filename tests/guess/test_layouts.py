@@ -704,6 +704,15 @@ def test_a_name_that_states_another_unit_than_the_length_of_gravity_is_not_belie
     assert "gravity is 9.807 m/s^2" in found.guesses["aX (g)"].why
 
 
+def test_a_boat_that_is_rowed_without_gravity_is_refused_for_its_motion(tmp_path):
+    """Nothing shows whether gravity was taken off: the force is 0.4 g in most rows."""
+    t, w = np.arange(3000) / 100, at_rest(3000)[1]
+    f = 2.5 * np.random.default_rng(38).normal(size=(3000, 3))
+    head = "time [s],acc_x [m/s^2],acc_y [m/s^2],acc_z [m/s^2],gyro_x [rad/s],gyro_y [rad/s],gyro_z [rad/s]"
+    with pytest.raises(InputError, match="no rest is found"):
+        propose_recording([rows(tmp_path / "log.csv", head, t, *f.T, *w.T)])
+
+
 def test_forces_without_gravity_keep_the_unit_of_their_names_and_are_refused(tmp_path):
     """A telephone on a robot that drives now and then: the rest of the force happens to be some 1 m/s^2."""
     f, w = at_rest(4000)
