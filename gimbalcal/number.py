@@ -91,8 +91,8 @@ def maximum(x: ArrayLike, y: ArrayLike) -> Array:
 
 def apply_matrix(matrix: ArrayLike, vector: ArrayLike) -> Array:
     """Return the matrix times vector over leading dimensions: (..., 3, 3), (..., 3) to (..., 3)."""
-    product: Array = (np.asarray(matrix) @ np.asarray(vector)[..., None])[..., 0]
-    return product
+    matrix, vector = np.asarray(matrix), np.asarray(vector)
+    return np.asarray(vector @ matrix.T if matrix.ndim == 2 else (matrix @ vector[..., None])[..., 0])
 
 
 def complex_step(function: Callable[[Array], Array], x: Array) -> Array:

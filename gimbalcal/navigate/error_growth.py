@@ -50,7 +50,8 @@ def transitions(
     first (K + 1,) index of the first interval of each stretch, and of the end; joined (n,): the interval continues the
     one before; dt, rate, force as in `strapdown`; D (g, 6, p): force and rate, true minus reference, per unit of each
     parameter, of g groups of intervals; group (n,): the one that each belongs to (default: each is its own); q (n, 6):
-    variance of the mean force and rate of each interval; gravity at the place [m/s^2].
+    variance of the mean force and rate of each interval, or of none where Q is not wanted; gravity at the place
+    [m/s^2].
     """
     K, p = len(C_bn), D.shape[2]
     shapes = ((K, NAV, NAV), (K, NAV, p), (K, NAV, NAV), (K, 3, 3), (K, 3), (K, 3))
@@ -88,15 +89,17 @@ def _transitions(
     # at rest: Earth rate, what velocity and latitude do to the rates of the frame, and gravity over the place
     earth = EARTH_RATE * cL, -EARTH_RATE * sL, 1 / RM, 1 / RN, sL / cL / RN, place[1] / RM, place[2]
     C, mid, v, p = np.empty((3, 3)), np.empty((3, 3)), np.zeros(3), np.zeros(3)
-    M, x = np.zeros((NAV + n_p, NAV)), np.zeros(NAV)  # M: a row for each initial error and parameter
+    # over a group of intervals: M, a row for each error at its beginning and each reading; over the stretch: X, T
+    M, X, T, x = np.zeros((NAV + 6, NAV)), np.zeros((NAV, NAV + n_p)), np.zeros((NAV, NAV + n_p)), np.zeros(NAV)
+    none = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(len(start)):
         C[:] = start[k]
         v[:] = 0.0
         p[0], p[1], p[2] = place[3], 0.0, place[4]
-        M[:] = 0.0
+        M[:], X[:] = 0.0, 0.0
         N = Q[k]
         for i in range(NAV):
-            M[i, i] = 1.0
+            M[i, i] = X[i, i] = 1.0
         for j in range(first[k], first[k + 1]):
             h = dt[j]
             mid[:] = C
@@ -104,37 +107,35 @@ def _transitions(
             for i in range(3):
                 for l in range(3):
                     mid[i, l] = h * (mid[i, l] + C[i, l]) / 2
-            for c in range(NAV + n_p):
-                e = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-                if c >= NAV:
-                    e = _contribution_of_parameter(mid, D, group[j], c - NAV)
-                _advance_errors(M[c], e, f, h, earth)
-            for c in range(NAV):  # S N, then (S N) S^T
-                for i in range(NAV):
-                    x[i] = N[i, c]
-                _advance_errors(x, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), f, h, earth)
-                for i in range(NAV):
-                    N[i, c] = x[i]
             for c in range(NAV):
+                _advance_errors(M[c], none, f, h, earth)
+            for c in range(6):
+                _advance_errors(M[NAV + c], _contribution_of_reading(mid, c), f, h, earth)
+            if len(q):
+                for c in range(NAV):  # S N, then (S N) S^T
+                    for i in range(NAV):
+                        x[i] = N[i, c]
+                    _advance_errors(x, none, f, h, earth)
+                    for i in range(NAV):
+                        N[i, c] = x[i]
+                for c in range(NAV):
+                    _advance_errors(N[c], none, f, h, earth)
+                for c in range(6):  # and the noise of the six channels
+                    x[:] = 0.0
+                    _advance_errors(x, _contribution_of_reading(mid, c), f, h, earth)
+                    for i in range(NAV):
+                        for l in range(NAV):
+                            N[i, l] += q[j, c] * x[i] * x[l]
+            if j + 1 == first[k + 1] or group[j + 1] != group[j]:
+                _pass_group(M, D[group[j]], X, T)
+                M[:] = 0.0
                 for i in range(NAV):
-                    x[i] = N[c, i]
-                _advance_errors(x, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), f, h, earth)
-                for i in range(NAV):
-                    N[c, i] = x[i]
-            for c in range(6):  # and the noise of the six channels
-                x[:] = 0.0
-                l = c % 3
-                a = mid[0, l], mid[1, l], mid[2, l]
-                e = (0.0, 0.0, 0.0, a[0], a[1], a[2]) if c < 3 else (a[0], a[1], a[2], 0.0, 0.0, 0.0)
-                _advance_errors(x, e, f, h, earth)
-                for i in range(NAV):
-                    for l in range(NAV):
-                        N[i, l] += q[j, c] * x[i] * x[l]
+                    M[i, i] = 1.0
         for i in range(NAV):
             for c in range(NAV):
-                Phi[k, i, c] = M[c, i]
+                Phi[k, i, c] = X[i, c]
             for c in range(n_p):
-                Psi[k, i, c] = M[NAV + c, i]
+                Psi[k, i, c] = X[i, NAV + c]
             for c in range(i):
                 N[i, c] = N[c, i] = (N[i, c] + N[c, i]) / 2
         C_end[k], v_end[k] = C, v
@@ -142,19 +143,31 @@ def _transitions(
 
 
 @compiled
-def _contribution_of_parameter(turn: Array, D: Array, j: int, c: int) -> tuple[float, ...]:
-    """Return what a unit of a parameter adds to attitude and velocity over an interval, in n; turn: C_bn times the
-    step.
+def _pass_group(M: Array, D: Array, X: Array, T: Array) -> None:
+    """Carry the responses X (9, 9 + p) of a stretch over a group, in place; M (15, 9): over the group alone.
+
+    D (6, p) of the group; T is work space. Sums stand inside, so that several columns are taken at once.
     """
-    f, w = (D[j, 0, c], D[j, 1, c], D[j, 2, c]), (D[j, 3, c], D[j, 4, c], D[j, 5, c])
-    return (
-        turn[0, 0] * w[0] + turn[0, 1] * w[1] + turn[0, 2] * w[2],
-        turn[1, 0] * w[0] + turn[1, 1] * w[1] + turn[1, 2] * w[2],
-        turn[2, 0] * w[0] + turn[2, 1] * w[1] + turn[2, 2] * w[2],
-        turn[0, 0] * f[0] + turn[0, 1] * f[1] + turn[0, 2] * f[2],
-        turn[1, 0] * f[0] + turn[1, 1] * f[1] + turn[1, 2] * f[2],
-        turn[2, 0] * f[0] + turn[2, 1] * f[1] + turn[2, 2] * f[2],
-    )
+    for i in range(NAV):
+        for c in range(X.shape[1]):
+            total = 0.0
+            for l in range(NAV):
+                total += M[l, i] * X[l, c]
+            T[i, c] = total
+        for c in range(D.shape[1]):
+            total = 0.0
+            for l in range(6):
+                total += M[NAV + l, i] * D[l, c]
+            T[i, NAV + c] += total
+    X[:] = T
+
+
+@compiled
+def _contribution_of_reading(turn: Array, c: int) -> tuple[float, ...]:
+    """Return what a unit of force (c < 3) or rate adds to attitude and velocity, in n; turn: C_bn times the step."""
+    if c < 3:
+        return 0.0, 0.0, 0.0, turn[0, c], turn[1, c], turn[2, c]
+    return turn[0, c - 3], turn[1, c - 3], turn[2, c - 3], 0.0, 0.0, 0.0
 
 
 @compiled

@@ -113,7 +113,7 @@ COMPILED = [
     ("navigate.error_growth", "h * 2 * wd * x[4]", "h * wd * x[4]", "transitions", CAI, "Eq. (23), F22"),
     ("navigate.error_growth", "- g_h * x[8]", "+ g_h * x[8]", "transitions", CAI, "Eq. (23), F23"),
     ("navigate.error_growth", "x[7] += h * (x[4]", "x[7] += h * (x[3]", "transitions", CAI, "Eq. (23), F32"),
-    ("navigate.error_growth", "turn[0, 2] * w[2]", "turn[2, 0] * w[2]", "transitions", CAI, "Eq. (23), F16"),
+    ("navigate.error_growth", "return turn[0, c - 3]", "return turn[2, c - 3]", "transitions", CAI, "Eq. (23), F16"),
     ("navigate.error_growth", "N[i, l] += q[j, c]", "N[i, l] += q[j, 0]", "transitions", CAI, "Eq. (24)"),
     ("navigate.strapdown", "- (kd * vn - kn * vd)", "- (kd * vn + kn * vd)", "strapdown", CAI, "Eq. (17)"),
     ("navigate.strapdown", "-ve * sL / (cL * RN)", "ve * sL / (cL * RN)", "strapdown", CAI, "Eq. (17)"),

@@ -68,3 +68,19 @@ def test_noise_of_samples_adds_up_to_random_walks():
     assert np.allclose(np.diag(made.Q[0])[:3], n * 1e-12 * h**2, rtol=1e-6)
     tilt = G**2 * 1e-12 * h**2 * sum((h * (n - j - 0.5)) ** 2 for j in range(n))  # of horizontal axes
     assert np.allclose(np.diag(made.Q[0])[3:6], n * 1e-6 * h**2 + np.array([tilt, tilt, 0.0]), rtol=1e-3)
+
+
+def test_intervals_of_a_group_are_as_many_of_their_own_and_noise_may_be_left_out():
+    dt, w, f, C = _stretch(slice(100, 180))
+    rng = np.random.default_rng(3)
+    D, q = rng.standard_normal((8, 6, 4)), np.full((80, 6), 1e-6)
+    group = np.arange(80) // 10
+    first = [0, 37, 80]  # an update within a group
+    place = (np.stack([C, C]), LATITUDE, 0, G)
+    grouped = transitions(first, np.ones(80), dt, w, f, D, q, *place, group)
+    single = transitions(first, np.ones(80), dt, w, f, D[group], q, *place)
+    bare = transitions(first, np.ones(80), dt, w, f, D, q[:0], *place, group)
+    for a, b in zip(grouped, single, strict=True):
+        assert np.allclose(a, b, rtol=1e-12, atol=1e-14 * np.abs(b).max())
+    assert not bare.Q.any()
+    assert all(np.array_equal(a, b) for a, b, name in zip(grouped, bare, grouped._fields, strict=True) if name != "Q")

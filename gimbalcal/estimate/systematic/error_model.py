@@ -41,7 +41,7 @@ from gimbalcal.recording.noise_levels import header_coloured_noise
 from gimbalcal.rotation import cross_matrix, exponential, rotation_vector
 from gimbalcal.views.segments import CHANNELS, Segments
 
-MAX_ITERATIONS, CONVERGED_RESIDUAL = 40, 1e-14  # each multiplies the residual by the sensors' errors, 5 % at most
+MAX_ITERATIONS, CONVERGED_RESIDUAL = 40, 1e-13  # each multiplies the residual by the sensors' errors, 5 % at most
 DIVERGENCE_RATIO = 10.0  # to the smallest residual
 KIND = "rotation"
 
@@ -163,7 +163,8 @@ def stretch_model(
 ) -> tuple[Array, Array, Array, Array]:
     """Return Phi, Psi (K, 9, p), Q and defects d of the navigation states, in units of `STATE_SCALE`.
 
-    response: of force and rate to the p constants, D (g, 6, p) of a slice of groups of intervals.
+    response: of force and rate to the p constants, D (g, 6, p) of a slice of groups of intervals. Without constants
+    the defects alone are wanted, and Q stays zero.
     """
     K = len(segments.stop)
     Phi, Psi, Q = np.empty((K, NAV, NAV)), np.empty((K, NAV, p)), np.empty((K, NAV, NAV))
@@ -181,7 +182,7 @@ def stretch_model(
         groups = slice(int(segments.group[before]), int(segments.group[rows.stop - 1]) + 1)
         motion = transitions(
             segments.first[at : end + 1] - before, segments.joined[few], segments.dt[few], u[few, 3:], u[few, :3],
-            response(groups), q[few], C[at:end], segments.latitude,
+            response(groups), q[few if p else slice(0)], C[at:end], segments.latitude,
             site.height, site.gravity, segments.group[few] - groups.start,
         )  # fmt: skip
         # attitude to velocity and place by what gravity did: noise would seem to show the heading
