@@ -98,7 +98,7 @@ def detect_rests(
         v[:] = np.divide(v, f, out=v) if f > 0 else np.where(v > 0, np.inf, 0.0)
         np.maximum(variances[0], v, out=variances[0])
     restless = np.pad(variances[0], m // 2, mode="edge")
-    del variances
+    del variances, v  # each is as large as a channel
     still = restless <= _threshold(m)
     if rates and still.any():
         still &= ~_turning_rows(triads[1], m, still, raw)
@@ -313,6 +313,7 @@ def _window_statistics(x: Array, m: int) -> tuple[Array, Array]:
     count, width = len(x) - m + 1, WINDOWS_PER_SUM * m
     of = -(-count // width)  # pieces, each overlapping the next by a window
     mean, variance = np.empty((of, width)), np.empty((of, width))
+    sums = np.empty((min(of, PIECES), width + m), dtype=complex)  # of values, and of squares beside them
     for first in range(0, of, PIECES):
         stop = min(first + PIECES, of)
         part = x[first * width : stop * width + m - 1]
@@ -320,13 +321,14 @@ def _window_statistics(x: Array, m: int) -> tuple[Array, Array]:
             part = np.pad(part, (0, (stop - first) * width + m - 1 - len(part)), mode="edge")
         pieces = np.lib.stride_tricks.sliding_window_view(part, width + m - 1)[::width]
         level = pieces.mean(axis=1, keepdims=True)
-        y = np.zeros((stop - first, width + m))
-        np.subtract(pieces, level, out=y[:, 1:])
-        square = np.cumsum(y * y, axis=1)
+        y = sums[: stop - first]
+        y[:, 0] = 0.0
+        np.subtract(pieces, level, out=y.real[:, 1:])
+        np.multiply(y.real, y.real, out=y.imag)
         np.cumsum(y, axis=1, out=y)
-        about, v = mean[first:stop], variance[first:stop]
-        np.divide(np.subtract(y[:, m:], y[:, :-m], out=about), m, out=about)
-        np.divide(np.subtract(square[:, m:], square[:, :-m], out=v), m, out=v)
+        added, about, v = y[:, m:] - y[:, :-m], mean[first:stop], variance[first:stop]
+        np.divide(added.real, m, out=about)
+        np.divide(added.imag, m, out=v)
         np.maximum(np.subtract(v, about * about, out=v), 0.0, out=v)
         about += level
     return mean.ravel()[:count], variance.ravel()[:count]
