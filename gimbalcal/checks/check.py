@@ -59,8 +59,7 @@ class Examined:
     @cached_property
     def some_force(self) -> Array:
         """Return force (n, 3) [m/s^2] of some rows, at rest or not."""
-        f = self.recording.triad(FORCE)
-        return f[:: max(1, len(f) // SOME_ROWS)]
+        return self.recording.triad(FORCE, rows=slice(None, None, max(1, len(self.recording.time) // SOME_ROWS)))
 
     @cached_property
     def step(self) -> float:

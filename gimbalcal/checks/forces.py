@@ -52,9 +52,8 @@ MIN_FELT = 0.1  # of gravity, by which the force turns with a gimbal
 def motion_within_a_position(e: Examined) -> str:
     """Refuse a position within which the force moves by more than vibration: means of eighths are compared."""
     r = e.recording
-    force = r.triad(FORCE)
     for dwell in dwells(r):
-        rows = force[dwell.rows]
+        rows = r.triad(FORCE, rows=dwell.rows)
         size = len(rows) // 8
         rows = rows[: 8 * size].reshape(8, size, -1).mean(axis=1) if size else rows
         moved = float(np.median(np.linalg.norm(rows - rows.mean(axis=0), axis=1)))

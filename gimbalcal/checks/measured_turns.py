@@ -18,7 +18,7 @@ from gimbalcal.checks.column_checks import at_end_of_range
 from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, MIN_AGREEMENT, PERMUTATIONS, Correction
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.number import Array
-from gimbalcal.recording.dwell import dwells, moves_between_dwells
+from gimbalcal.recording.dwell import dwell_levels, dwells, moves_between_dwells
 from gimbalcal.recording.record import ANGLE, FORCE, RATE, Recording
 from gimbalcal.rotation import composed_rotation, cross_matrix, exponential
 
@@ -143,7 +143,7 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
         order = sorted((k for k in logged if moved[k] > MIN_MOTION_RAD), key=lambda k: -moved[k])[:MAX_TURNS]
         if len(order) < MIN_TURNS:
             continue
-        level = np.array([y[d.rows].mean(0) for d in visits])
+        level = dwell_levels(recording, RATE)
         spans = [slice(visits[k].stop - 1, visits[k + 1].start + 1) for k in order]
         averaged = [
             _mean_rates(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2)
@@ -158,8 +158,7 @@ def down_at_rests(recording: Recording) -> Array | None:
     """Return the direction of the force at each rest (m, 3, 1); counts are centred, where every axis went both ways."""
     if set(recording.axes(FORCE)) != set(TRIAD):
         return None
-    y = recording.triad(FORCE)
-    f = np.array([y[d.rows].mean(0) for d in dwells(recording)]).reshape(-1, 3)
+    f = dwell_levels(recording, FORCE)
     if recording.counted(FORCE):
         half = (f.max(0) - f.min(0)) / 2 if len(f) > 1 else np.zeros(3)
         if half.max() == 0 or half.min() < MIN_SPREAD * half.max():

@@ -40,7 +40,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.number import Array
 from gimbalcal.quantities import QUANTITIES
-from gimbalcal.recording.dwell import dwells
+from gimbalcal.recording.dwell import dwell_levels
 from gimbalcal.recording.record import FORCE, RATE, Recording
 
 MIN_RESTS = 8  # three of them go into the bias
@@ -140,14 +140,13 @@ class EarthRate:
 
 def earth_rate(recording: Recording) -> EarthRate | None:
     """Return the rates at enough rests that differ enough, where gyroscopes in SI may see the Earth; else None."""
-    up, visits, latitude = down_at_rests(recording), dwells(recording), recording.site.latitude
-    if latitude is None or up is None or len(visits) < MIN_RESTS or recording.counted(RATE):
+    up, latitude = down_at_rests(recording), recording.site.latitude
+    if latitude is None or up is None or len(up) < MIN_RESTS or recording.counted(RATE):
         return None
-    if np.linalg.matrix_rank(up[..., 0], tol=0.1 * np.sqrt(len(visits))) < 3:
+    if np.linalg.matrix_rank(up[..., 0], tol=0.1 * np.sqrt(len(up))) < 3:
         return None
-    y = recording.triad(RATE)
     due = EARTH_RATE * float(np.sin(latitude))
-    earth = EarthRate(up[..., 0], np.array([y[d.rows].mean(0) for d in visits]), due)
+    earth = EarthRate(up[..., 0], dwell_levels(recording, RATE), due)
     return earth if earth.without >= 0.5 * abs(due) else None
 
 

@@ -165,7 +165,9 @@ class StreamChecks:
 
     def _clock(self, t: Array) -> Array:
         """Check that time grows; return the rows (n,) after a gap."""
-        dt = np.diff(t, prepend=self.last_time)
+        dt = np.empty(len(t))
+        dt[:1] = t[:1] - self.last_time
+        np.subtract(t[1:], t[:-1], out=dt[1:])
         steps = dt if self.n else dt[1:]
         if not self.step and len(t) > 1:
             self.step = float(np.median(steps))

@@ -215,12 +215,13 @@ def _without_held_rows(log: Log) -> tuple[Log, str]:
     whose readings change by single steps repeat rows at rest by themselves.
     """
     sensors = [*log.values(FORCE), *log.values(RATE)]
-    if len(sensors) < 3 or np.mean([step_of_most_changes(x)[0] > 0 for x in sensors]) > 0.5:
+    if len(sensors) < 3:
         return log, ""
     alike = np.append(False, np.all([x[1:] == x[:-1] for x in sensors], axis=0))
-    starts = np.flatnonzero(~alike)
-    length = np.diff(starts, append=len(alike))
+    length = np.diff(np.flatnonzero(~alike), append=len(alike))
     long = length >= MIN_HELD_ROWS
+    if not long.any() or np.mean([step_of_most_changes(x)[0] > 0 for x in sensors]) > 0.5:
+        return log, ""
     others = np.repeat(~long, length)
     p = float(np.mean(alike[others])) if others.any() else 1.0
     repeated = np.repeat(long & (len(alike) * p ** (length - 1.0) < MIN_PROBABILITY), length) & alike

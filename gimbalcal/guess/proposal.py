@@ -357,6 +357,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         raise likeliest
     cost, proposal, chosen = best
     if of_means:
+        del best, whole, means, trial, proposal  # of a long log, as much as half of it
         proposal = _in_units(chosen, context)
     notes = dict(proposal.notes)
     if runner_up[0] < cost + MIN_MARGIN:
@@ -466,7 +467,8 @@ def _in_units(log: Log, context: _Context) -> Proposal:
             "sign = -1 at all three: no rest shows it"
         )
     if not log.has(FORCE):
-        rates = [np.median(recording.triad(RATE)[d.rows], axis=0) for d in dwells(recording)]  # of a steady turn each
+        at_rest = (recording.triad(RATE, rows=d.rows) for d in dwells(recording))
+        rates = [np.median(w, axis=0) for w in at_rest]  # of a steady turn each
         turns = np.degrees(np.linalg.norm(rates, axis=1))
         turns = turns[turns > (np.inf if recording.counted(RATE) else MAX_BIAS_DEG_S)]
         where = "throughout" if len(turns) == rests else f"in {len(turns)} of {rests} rests"
@@ -502,11 +504,11 @@ def without_moving_rests(recording: Recording) -> tuple[Recording, int]:
     """
     if not recording.has(RATE) or recording.counted(RATE) or recording.position is None or len(recording.time) < 2:
         return recording, 0
-    rate, visits = recording.triad(RATE), dwells(recording)
+    visits = dwells(recording)
     block = max(1, round(BLOCK_S / recording.step))
     kept = []
     for d in visits:
-        w = rate[d.rows]
+        w = recording.triad(RATE, rows=d.rows)
         means = np.array([part.mean(axis=0) for part in np.array_split(w, max(1, len(w) // block))])
         noise = np.median(np.abs(np.diff(w, axis=0)), axis=0).max() / np.sqrt(block) if len(w) > 1 else 0.0
         kept.append(bool(means.std(axis=0).max() - 2 * noise < MAX_CHANGE_RAD_S))

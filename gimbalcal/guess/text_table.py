@@ -119,13 +119,14 @@ def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None
     frame, skipped = _rows(path, layout, head, lines)
     frame = _one_stamp(frame)
     clock = dates or Dates()
-    table = table_of_columns((n, *values_of(n, frame[n], layout.separator, clock)) for n in frame.columns)
+    # a column leaves the frame as it becomes numbers: of a long log there is never all of both
+    table = table_of_columns((n, *values_of(n, frame.drop_in_place(n), layout.separator, clock)) for n in frame.columns)
     if len(table.columns) < MIN_COLUMNS:
         raise InputError(
             f"{path} holds {len(table.columns)} columns of numbers: no log of a unit, or in a form that is not text"
         )
-    empty = ~np.any([np.isfinite(x) for x in table.columns.values()], axis=0)
-    if empty.any():
+    if not any(np.isfinite(x).all() for x in table.columns.values()):
+        empty = ~np.any([np.isfinite(x) for x in table.columns.values()], axis=0)
         skipped += int(empty.sum())
         table = replace(table, columns={n: x[~empty] for n, x in table.columns.items()})
     above = (*head[: layout.first], *(line for line in head[layout.first :] if line.startswith("#")))
@@ -183,10 +184,12 @@ def table_of_columns(columns_of_text: Iterable[tuple[str, Array, str]]) -> Table
     others = []
     for name, numbers, form in columns_of_text:
         sound = np.abs(numbers) < MAX_NUMBER
-        if np.count_nonzero(sound) <= (0.0 if form == "number" else 0.4) * len(numbers):
+        count = np.count_nonzero(sound)
+        if count <= (0.0 if form == "number" else 0.4) * len(numbers):
             others.append(name)
             continue
-        columns[name] = numbers if numbers.dtype == float and sound.all() else np.where(sound, numbers, np.nan)
+        whole = numbers.dtype == float and count == len(numbers)
+        columns[name] = numbers if whole else np.where(sound, numbers, np.nan)
         forms.setdefault(form, set()).add(name)
     return Table(columns, frozenset(forms["angle"]), (), tuple(others), frozenset(forms["date"]))
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gimbalcal.effects.effect import TRIAD
 from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.record import ANGLE, ANGLES, FORCE, Recording
@@ -119,6 +120,12 @@ def dwell_means(recording: Recording) -> Recording:
             f"the recording {recording.title!r} has no dwell: every row has position 0, or nothing in it is at rest"
         )
     return _means(recording, visits, np.array([d.position for d in visits], dtype=np.int64))
+
+
+def dwell_levels(recording: Recording, quantity: str) -> Array:
+    """Return the mean (m, 3) of the rows of each dwell, all alike, of a triad."""
+    channels = [recording.channels[quantity, axis] for axis in TRIAD]
+    return np.array([[x[d.rows].mean() for x in channels] for d in dwells(recording)]).reshape(-1, 3)
 
 
 def block_means(recording: Recording, rows: int) -> Recording:

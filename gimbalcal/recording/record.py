@@ -202,15 +202,15 @@ class Recording(Displayed):
         """Return the axes of `quantity` that were logged, in the order of the file."""
         return tuple(a for q, a in self.channels if q == quantity)
 
-    def triad(self, quantity: str, axes: tuple[str, ...] = ("x", "y", "z")) -> Array:
-        """Return the channels of `quantity` as columns, (n, 3); `InputError` if one of them was not logged."""
+    def triad(self, quantity: str, axes: tuple[str, ...] = ("x", "y", "z"), rows: slice = slice(None)) -> Array:
+        """Return the channels of `quantity` as columns, (n, 3) or some rows; `InputError` if one was not logged."""
         missing = [axis for axis in axes if (quantity, axis) not in self.channels]
         if missing:
             raise InputError(
                 f"the recording {self.title!r} has no {quantity} along {' and '.join(missing)}: add the column "
                 "to [columns] of its recording.toml"
             )
-        return np.stack([self.channels[quantity, axis] for axis in axes], axis=-1)
+        return np.stack([self.channels[quantity, axis][rows] for axis in axes], axis=-1)
 
     def counted(self, quantity: str) -> bool:
         """Return whether a quantity was logged in counts or pulses, so that its numbers are not in SI."""
