@@ -13,6 +13,8 @@ from functools import partial
 import numpy as np
 
 from gimbalcal.diagnose.answer import Curves, plotted_against
+from gimbalcal.diagnose.evidence.channel_scales import likeliest_scales
+from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.laws.law_claims import (
     Lawful,
     against_walk,
@@ -26,7 +28,15 @@ from gimbalcal.diagnose.search.ranking import projections_of, rms_misfit
 from gimbalcal.diagnose.search.refit import with_constants
 from gimbalcal.diagnose.search.relinearise import about_first_cause
 from gimbalcal.diagnose.search.sensor_random_walks import wandering_in
-from gimbalcal.diagnose.search.stepwise import SearchResult, refit_to_view, result_of, stepwise
+from gimbalcal.diagnose.search.stepwise import (
+    SearchResult,
+    ln_evidence,
+    ln_odds,
+    log_shares,
+    refit_to_view,
+    result_of,
+    stepwise,
+)
 from gimbalcal.diagnose.verdict.findings import confirm_causes, drifts_as_one, finding_of_view, judged_in_turn
 from gimbalcal.diagnose.verdict.judgement import Judgement
 from gimbalcal.diagnose.verdict.mismatch import view_mismatches
@@ -51,24 +61,25 @@ SERIAL_SIGMAS = 5.0  # of a correlation of successive residuals that is none by 
 
 
 def select_causes(v: View, progress: Progress) -> SearchResult:
-    """Return the causes that a view whose scale of noise is fitted is likeliest to lack, before they are judged.
-
-    The channels of stars share one scale until what is left of them differs: then the readout of one axis is noisy or
-    set loosely, and in a common scale chance fits of its channel gain more than they should, causes in the other less.
-    """
-    c = about_first_cause(stepwise(v, progress), progress)
-    if not v.kind.sighting or v.noise.of_each_channel or c.start.exact or not c.end.channels_differ:
-        return c
-    progress("once more, as the channels scatter differently")
-    own = replace(v, noise=replace(v.noise, of_each_channel=True), cache={})
-    return about_first_cause(stepwise(own, progress), progress)
+    """Return the causes that a view whose scale of noise is fitted is likeliest to lack, before they are judged."""
+    return about_first_cause(stepwise(v, progress), progress)
 
 
 def diagnose_selected(c: SearchResult, progress: Progress) -> ViewDiagnosis:
-    """Return the diagnosis of a view whose scale of noise is fitted, in which one sensor, or a triad, may walk."""
+    """Return the diagnosis of a view whose scale of noise is fitted, in which one sensor, or a triad, may walk.
+
+    The channels of stars share one scale unless the diagnosis in scales of their own explains them better: then the
+    readout of one axis is noisy or set loosely, and in a common scale chance fits of its channel gain more than they
+    should, causes in the other less. Mid-search a scale of its own takes what is not explained yet for noise.
+    """
     steady = judged_diagnosis(c, progress)
     if c.start.exact:
         return steady
+    v, end = c.start.view, c.end
+    if v.kind.sighting and not v.noise.of_each_channel and likeliest_scales(end.residual, end.jacobian) is not None:
+        progress("once more, as the channels scatter differently")
+        own = judged_diagnosis(select_causes(v.of_own_scales(), progress), progress)
+        return own if own.ln_evidence > steady.ln_evidence + CLAIM else steady
     walking, ln_total, ln_odds = wandering_in(c)
     if not walking.noise.sensors_walk:
         return steady
@@ -160,9 +171,15 @@ def _view_diagnosis(
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
-        recommend=recommend, outcome=outcome,
+        recommend=recommend, outcome=outcome, ln_evidence=_ln_evidence(c, lawful),
     )  # fmt: skip
     return diagnosis if walk is None else diagnosis.against_walk(walk, odds)
+
+
+def _ln_evidence(c: SearchResult, lawful: Lawful) -> float:
+    """Return ln p(y) of what is stated: the causes of a search and a formula of what they leave, not a shape."""
+    share = log_shares(c.start.view, assemble_library(c.start))
+    return ln_odds(c.start, c.causes, share) + ln_evidence(c.start) + max(0.0, lawful.ln_total)
 
 
 def serial_correlation(m: Fit, sigma: Array) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container
 from dataclasses import dataclass, replace
+from math import inf
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves
@@ -34,7 +35,8 @@ class ViewDiagnosis:
 
     sigma (n, C): of a row, SI. model: findings and their constants fitted, where the scale of the noise is fitted;
     calibration: the same where it is known. outcome: what else speaks against the view; evidence: what it adds to the
-    provenance.
+    provenance; ln_evidence: of the causes and laws, up to a constant of the rows and the baseline, where the scale of
+    the noise is fitted.
 
     Several recordings of one unit in a noise of known scale have one diagnosis, of the view that is off most:
     contradictions between them are said before it, remarks after it, and together are their views. without: the
@@ -55,6 +57,7 @@ class ViewDiagnosis:
     recommend: str = ""
     outcome: str = ""
     evidence: Evidence | None = None
+    ln_evidence: float = -inf
     contradictions: tuple[Contradiction, ...] = ()
     remarks: tuple[str, ...] = ()
     together: tuple[View, ...] = ()

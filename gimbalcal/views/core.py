@@ -34,7 +34,6 @@ from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
 FLAT_PRIOR_SIGMAS = 1e6  # sigmas of all rows together that one sigma of a flat prior stands for
-MAX_CHANNEL_RATIO = 6.0  # of the rms residual of one channel to another; from 3 on a weak law of one axis was lost
 COURSE = 80  # half periods of the course of a sensor in time: what a walk holds beyond them is a 400th of it
 EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
 
@@ -163,6 +162,10 @@ class View:
         """Return the view with one scale of all its channels."""
         return replace(self, noise=replace(self.noise, scales=(), one_scale=True))
 
+    def of_own_scales(self) -> View:
+        """Return the view with a scale of each channel where that is likelier, and no model fitted to it yet."""
+        return replace(self, noise=replace(self.noise, of_each_channel=True), cache={})
+
     def parameters_of(self, effect_id: str) -> tuple[Parameter, ...]:
         """Return the parameters of an effect with the priors of the grade.
 
@@ -280,11 +283,6 @@ class Fit:
     def rms_of_channels(self) -> Array:
         """Root mean square residual (C,) of each channel."""
         return np.asarray(np.sqrt(np.mean(self.residual**2, axis=0)))
-
-    @property
-    def channels_differ(self) -> bool:
-        """Return whether the residual of one channel is that much larger than another's that they share no scale."""
-        return bool(np.max(self.rms_of_channels) > MAX_CHANNEL_RATIO * np.min(self.rms_of_channels))
 
     @property
     def scatter(self) -> float:

@@ -32,7 +32,7 @@ class NoiseModel:
     has an excess of each. It is set for the axes of gyroscopes, of which one may scatter thirty times as much as
     another, and of a mount that tracks, where one axis has the errors of the drive; the two channels of stars all over
     the sky share most terms of a mount, and there own scales name causes that one scale denies, some of them wrongly,
-    unless what is left in the end shows that they differ.
+    unless the whole diagnosis is likelier in them.
     """
 
     sigma: Array | None = None

@@ -216,7 +216,7 @@ Place = tuple[int, tuple[int, ...] | None]
 
 
 def promising_nodes(every: Sequence[ChannelProducts], scored: Callable[[Sequence[Place]], Array]) -> list[Place]:
-    """Return the nodes of the lattices of several noises that hold the evidence of any promising cause.
+    """Return the nodes of the lattices of several noises that hold the evidence of no cause and of any promising one.
 
     scored: ln of prior x likelihood (nodes, 1 + candidates) of nodes, without a cause and with each.
     """
@@ -231,7 +231,8 @@ def promising_nodes(every: Sequence[ChannelProducts], scored: Callable[[Sequence
         new = scored(pending)
         scored_places, ln = [*scored_places, *pending], np.concatenate([ln.reshape(-1, new.shape[1]), new])
         top = ln.max(axis=0)
-        promising = top >= max(top[0], top.max() - PROMISING_NATS)
+        promising = top >= top.max() - PROMISING_NATS
+        promising[0] = True  # that nothing is missing: all Bayes factors are relative to it
         behind = (top[promising] - ln[:, promising]).min(axis=1)
         known, pending = set(scored_places), []
         for (k, at), lag in zip(scored_places, behind, strict=True):
