@@ -76,7 +76,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("checks.jitter", "jitter_of", "np.sqrt(np.mean([a / b", "(np.mean([a / b"),
     ),
     "recording/test_increments.py": (
-        ("recording.increments", "Increments._interval", "prepend=self.last", "prepend=time[0]"),
+        ("recording.increments", "intervals", "prepend=last", "prepend=time[0]"),
     ),
     "recording/test_noise_levels.py": (
         ("inference.white_noise", "scaled_differences", "comb(order, j) ** 2 / weight", "comb(order, j) / weight"),
