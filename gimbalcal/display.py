@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 from gimbalcal.errors import InputError
@@ -38,8 +39,6 @@ class Displayed:
 
 def svg(figure: Figure) -> str:
     """Return a figure as an SVG element for a page."""
-    from io import StringIO
-
     out = StringIO()
     figure.savefig(out, format="svg")
     return out.getvalue()[out.getvalue().index("<svg") :]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gimbalcal.calibration.provenance import MountAxes
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, parameters_of_effects, values
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS, GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.number import Array
@@ -107,7 +107,7 @@ def corrections(
     m, labels = matrices(effects), {p.label for p in estimated}
     turn, out = np.eye(3), {}
     for triad, (M, b, ids) in TRIADS.items():
-        every = [p for i in ids for p in parameters(CATALOGUE[i])]
+        every = parameters_of_effects(ids)
         if not labels.issuperset(p.label for p in every if p.axis not in FRAME):
             continue
         scale, offset = counts.get(triad, (np.ones(3), np.zeros(3)))

@@ -23,7 +23,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN, Platform, known_platform
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.kinds import MULTI_POSITION
-from gimbalcal.recording.record import FORCE
+from gimbalcal.recording.record import FORCES
 from gimbalcal.rotation import cross_matrix
 from gimbalcal.units import to_si
 from gimbalcal.views.local import VisitRows, eliminate
@@ -152,7 +152,7 @@ def rows_at_rest(
     n = len(s.force)
     s = s.at(move_force=np.zeros((n, 3)), move_angle=np.zeros_like(s.readout), earlier_move_force=np.zeros((n, 3)))
     stages = dict.fromkeys((*(CATALOGUE[p.effect].stage for p in wanted), Stage.ENCODER))
-    rows = linearise(platform, s, (), channels=tuple((FORCE, axis) for axis in "xyz"), stages=stages)
+    rows = linearise(platform, s, (), channels=FORCES, stages=stages)
     J = rows.jacobian(wanted)
     # where no angle is known the force may be turned by any angle
     G = cross_matrix(s.force) if np.isinf(setting) else rows.sensitivity[Stage.ENCODER]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
@@ -293,6 +293,11 @@ def parameters(cls: type[Effect], gimbals: Sequence[str] = (), *, constants: boo
             sigma, name = float(to_si(f.metadata["sigma"], unit)), f.metadata["name"] or f.name
         out += [Parameter(cls.id, f.name, name, axis, i, unit, sigma) for i, axis in enumerate(axes)]
     return tuple(out)
+
+
+def parameters_of_effects(ids: Iterable[str], gimbals: Sequence[str] = ()) -> tuple[Parameter, ...]:
+    """Return the scalar unknowns of effects of the catalogue, in this order."""
+    return tuple(p for i in ids for p in parameters(CATALOGUE[i], gimbals))
 
 
 def values(effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Array:

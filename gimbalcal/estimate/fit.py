@@ -26,7 +26,7 @@ from gimbalcal.estimate.extra_effects import (
 )
 from gimbalcal.estimate.noise_memory import added_by_memory
 from gimbalcal.forward import Rows
-from gimbalcal.inference.algebra import orthonormal_columns
+from gimbalcal.inference.algebra import orthonormal_columns, unit_columns
 from gimbalcal.inference.gauss_newton import MAX_QUADRATIC_STEPS, gauss_newton
 from gimbalcal.inference.information import (
     MIN_SIGNAL_TO_NOISE,
@@ -166,11 +166,7 @@ class ViewsFit:
     @cached_property
     def residual(self) -> tuple[Array, ...]:
         """Read minus predicted (n, C), SI, with the nuisances at their estimates."""
-        wanted, x = self.solution.parameters, self.solution.x
-        return tuple(
-            _of_view(v, self.effects, wanted, x, own, e)[2].reshape(len(v), -1)
-            for v, own, e in zip(self.views, _nuisance_ordinals(self.views, wanted), self.local, strict=True)
-        )
+        return tuple(part.misfit for part in self._linear.parts)
 
     @property
     def rms(self) -> float:
@@ -184,17 +180,19 @@ class ViewsFit:
         return {":".join(key): float(x) for key, x in zip(self.views[0].channels, rms, strict=True)}
 
     @cached_property
+    def _linear(self) -> _Linear:
+        """All rows about the estimate."""
+        return _rows_about(self.views, self.effects, self.solution.parameters, self.solution.x, self.local)
+
+    @cached_property
     def whitened(self) -> tuple[Array, Array]:
         """Jacobian (q, p) and misfit (q,) of all rows about the estimate, in units of their noise."""
-        return self.rows_by(self.solution.parameters, self.solution.x)
+        return self._linear.over(_row_sigma(self.views, self.excesses))
 
     def rows_by(self, wanted: Sequence[Parameter], x: Array) -> tuple[Array, Array]:
         """Return Jacobian (q, p) by any parameters and misfit (q,) of all rows about x (p,), in units of noise."""
-        linear, sigma = (
-            _rows_about(self.views, self.effects, wanted, x, self.local),
-            _row_sigma(self.views, self.excesses),
-        )
-        return linear.J / sigma[:, None], linear.r / sigma
+        linear = _rows_about(self.views, self.effects, wanted, x, self.local)
+        return linear.over(_row_sigma(self.views, self.excesses))
 
     def with_fixed_nuisances(self, views: Sequence[View]) -> ViewsFit:
         r"""Return the fit with what the nuisances of these views add to its covariance, which are not part of it.
@@ -208,8 +206,8 @@ class ViewsFit:
         of_views = replace(self, views=tuple(views), local=())
         J, _ = of_views.rows_by(wanted, np.append(self.x, np.zeros(len(fixed))))
         N = J[:, p:] * prior(wanted)[1][p:]
-        size = np.linalg.norm(J[:, :p], axis=0)
-        A = np.linalg.lstsq(J[:, :p] / size, N, rcond=None)[0] / size[:, None]
+        unit, size = unit_columns(J[:, :p])
+        A = np.linalg.lstsq(unit, N, rcond=None)[0] / size[:, None]
         return replace(self, fixed=A @ A.T)
 
     @property
@@ -220,9 +218,7 @@ class ViewsFit:
     @property
     def condition(self) -> float:
         """Condition number of the columns of the effects' parameters, each of length one."""
-        J = self.whitened[0][:, : len(self.parameters)]
-        size = np.linalg.norm(J, axis=0)
-        return float(np.linalg.cond(J / np.where(size > 0, size, 1.0)))
+        return float(np.linalg.cond(unit_columns(self.whitened[0][:, : len(self.parameters)])[0]))
 
     @property
     def dof_of_scatter(self) -> float:
@@ -247,9 +243,8 @@ class ViewsFit:
         """
         J, r = self.whitened
         priors, scale = _prior_rows(self.solution.parameters)
-        A = np.concatenate([J, priors]) * scale
-        size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-        Q, R = np.linalg.qr(A / size)
+        A, size = unit_columns(np.concatenate([J, priors]) * scale)
+        Q, R = np.linalg.qr(A)
         out, moves, start = [], [], 0
         for v, sigma in zip(self.views, self.sigma, strict=True):
             rows = np.arange(sigma.size).reshape(sigma.shape)
@@ -270,17 +265,14 @@ class ViewsFit:
 
     def cost_of_sizes(self, sizes: Sequence[Parameter]) -> Cost:
         """Return chi^2, linear about the fit, by absent effects whose `sizes` are free beside what was fitted."""
-        wanted, x, sigma = self.solution.parameters, self.solution.x, _row_sigma(self.views, self.excesses)
-        linear = _rows_about(self.views, self.effects, wanted, x, self.local)
-        J = linear.J / sigma[:, None]
-        y = linear.r / sigma + J @ x
+        every, sigma = (*self.solution.parameters, *sizes), _row_sigma(self.views, self.excesses)
+        J, r = self.whitened
+        y = r + J @ self.solution.x
 
         def cost(absent: Sequence[Effect]) -> float:
-            parts = [
-                p.whitened(columns_of_sizes(p.rows, _acting_effects(p.view, absent), sizes))[0] for p in linear.parts
-            ]
-            X = np.concatenate([J, np.concatenate(parts) / sigma[:, None]], axis=1)
-            return solve(information(X, y, (*wanted, *sizes)), self.min_signal).chi2
+            each = ((p, columns_of_sizes(p.rows, _acting_effects(p.view, absent), sizes)) for p in self._linear.parts)
+            X = np.concatenate([p.whitened(columns)[0] for p, columns in each]) / sigma[:, None]
+            return solve(information(np.concatenate([J, X], axis=1), y, every), self.min_signal).chi2
 
         return cost
 
@@ -333,7 +325,8 @@ def fit(
             last.clear()
             last[x.tobytes()] = _rows_about(views, effects_at(x), every, x, e)
         linear, sigma = last[x.tobytes()], np.sqrt(known + shape * excess[ordinal] ** 2)
-        return np.concatenate([linear.J / sigma[:, None], priors]), np.concatenate([linear.r / sigma, -priors @ x])
+        J, r = linear.over(sigma)
+        return np.concatenate([J, priors]), np.concatenate([r, -priors @ x])
 
     def linearise(x: Array) -> Information:
         J, r = rows(x)
@@ -351,8 +344,6 @@ def fit(
 
     def widened(x: Array) -> Array:
         """Return the excess that the rows leave if nothing holds the parameters but priors of nuisances."""
-        if not np.any(shape > 0):
-            return excess
         J, r = rows(x)
         Q, out = orthonormal_columns(J, MIN_RELATIVE_SIGNAL), excess.copy()
         e = (r - Q @ (Q.T @ r))[: len(known)]
@@ -385,10 +376,9 @@ def fit(
 
 def columns_are_independent(J: Array) -> bool:
     """Return whether no combination of columns (q, p), each of length one, vanishes but for rounding."""
-    size = np.linalg.norm(J, axis=0)
-    if len(J) < len(size) or np.any(size == 0):
+    if len(J) < J.shape[1]:
         return False
-    return not len(size) or bool(np.linalg.svd(J / size, compute_uv=False)[-1] > MIN_SINGULAR_RATIO)
+    return not J.shape[1] or bool(np.linalg.svd(unit_columns(J)[0], compute_uv=False)[-1] > MIN_SINGULAR_RATIO)
 
 
 def information_of(
@@ -396,18 +386,19 @@ def information_of(
 ) -> Information:
     """Return the information of views of stated noise about the wanted parameters, linearised at effects."""
     x = values(effects, wanted)
-    linear, sigma = _rows_about(views, effects, wanted, x, local), _row_sigma(views)
-    J, r = linear.J / sigma[:, None], linear.r / sigma
+    linear = _rows_about(views, effects, wanted, x, local)
+    J, r = linear.over(_row_sigma(views))
     info = information(J, r + J @ x, wanted)
     return replace(info, count=info.count - linear.dependent)
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Rows of one view, and with local parameters their values e (m, k), the rows by group, and whitened."""
+    """Rows of one view with their misfit (n, C), and with local parameters their values e (m, k) and rows by group."""
 
     view: View
     rows: Rows
+    misfit: Array
     e: Array
     groups: tuple[VisitRows, Whitened] | None = None
 
@@ -429,6 +420,10 @@ class _Linear:
     J: Array
     r: Array
     parts: tuple[_Part, ...]
+
+    def over(self, sigma: Array) -> tuple[Array, Array]:
+        """Return Jacobian (q, p) and misfit (q,) in units of sigma (q,)."""
+        return self.J / sigma[:, None], self.r / sigma
 
     @property
     def dependent(self) -> int:
@@ -463,7 +458,7 @@ def _rows_about(
     J, r, parts = [], [], []
     for v, own, e in zip(views, _nuisance_ordinals(views, wanted), local or [NONE] * len(views), strict=True):
         rows, columns, misfit = _of_view(v, effects, wanted, x, own, e)
-        part = _Part(v, rows, e if v.local is None or e.size else v.local.zero_values)
+        part = _Part(v, rows, misfit, e if v.local is None or e.size else v.local.zero_values)
         own_columns, groups = part.whitened(columns)
         J.append(own_columns)
         r.append(misfit.ravel() if groups is None else groups[1].rows[1])

@@ -31,12 +31,19 @@ def orthonormal(Z: Array, least: float = MIN_SINGULAR_VALUE) -> Array:
     return np.asarray(U[:, S > least])
 
 
+def unit_columns(A: Array) -> tuple[Array, Array]:
+    """Return columns A (R, p) divided by their lengths, and these lengths (p,): 1 of a column of zeros, which stays."""
+    size = np.linalg.norm(A, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    return A / size, size
+
+
 def orthonormal_columns(A: Array, least: float = MIN_RELATIVE_SINGULAR_VALUE) -> Array:
     """Return an orthonormal basis (R, q) of columns A (R, p), whatever their units.
 
     least: singular value over the largest, of columns of length one, below which a direction is rounding.
     """
-    U, S, _ = np.linalg.svd(A / (np.linalg.norm(A, axis=0) + 1e-300), full_matrices=False)
+    U, S, _ = np.linalg.svd(unit_columns(A)[0], full_matrices=False)
     return np.asarray(U[:, S > least * S.max(initial=1e-300)])
 
 

@@ -32,6 +32,8 @@ Key = tuple[str, str]
 
 FORCE, RATE, ANGLE = "specific_force", "angular_rate", "gimbal_angle"
 """Quantities that most estimators read."""
+FORCES, RATES = (tuple((quantity, axis) for axis in "xyz") for quantity in (FORCE, RATE))
+"""The channels of both triads."""
 
 SENSORS: Mapping[str, str] = MappingProxyType(
     {

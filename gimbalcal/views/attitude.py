@@ -44,7 +44,7 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dwell import PAUSE_STEPS
-from gimbalcal.recording.record import RATE
+from gimbalcal.recording.record import RATE, RATES
 from gimbalcal.rotation import (
     cross_matrix,
     exponential,
@@ -55,7 +55,7 @@ from gimbalcal.rotation import (
 )
 from gimbalcal.views.core import Measurement, View, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel
-from gimbalcal.views.swept_rotations import RATES, Sweeps, swept_rows
+from gimbalcal.views.swept_rotations import Sweeps, swept_rows
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RotationSpline

@@ -26,7 +26,7 @@ from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.dwell import attitudes
-from gimbalcal.recording.record import FORCE
+from gimbalcal.recording.record import FORCE, FORCES
 from gimbalcal.views.core import Measurement, View, gauge_parameters, recording_fields
 from gimbalcal.views.noise import NoiseModel
 
@@ -55,9 +55,8 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
         f, H = inverted(lambda f: accelerometers(f, s, effects), y)
         length = np.linalg.norm(f, axis=-1, keepdims=True)
         towards = np.linalg.solve(np.swapaxes(H, -1, -2), (f / length)[..., None])[..., 0]
-        axes = tuple((FORCE, a) for a in "xyz")
         felt = s.at(force=g / length * f if noise_free else f)
-        along = linearise(BENCH, felt, effects, channels=axes, stages=SENSOR_STAGES).reduced(
+        along = linearise(BENCH, felt, effects, channels=FORCES, stages=SENSOR_STAGES).reduced(
             lambda X: np.einsum("nc,ncp->np", towards, X)[:, None]
         )
         return replace(along, residual=length - g)

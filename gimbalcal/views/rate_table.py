@@ -34,12 +34,12 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dwell import PAUSE_STEPS, usual_step
 from gimbalcal.recording.kinds import ROTATION
-from gimbalcal.recording.record import FOLLOWED, FORCE, RATE, Key
+from gimbalcal.recording.record import FOLLOWED, FORCE, RATE, RATES, Key
 from gimbalcal.rotation import normal_to, rotation_vector
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Measurement, View, gyroscope_parameters_without, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel, of_channels
-from gimbalcal.views.rest_rates import CHANNELS, MIN_RATE_SIGMA, horizontal_sigma
+from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, horizontal_sigma
 
 BLOCK_S = 0.5  # s of a mean rate: no lag between readout and gyroscopes matters, and readouts hardly scatter
 PART_TURN = np.radians(10.0)  # rad of a part of a stretch, which is no longer than a block
@@ -269,12 +269,12 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
         return bool(np.any(effect.contribution(turned) != 0))
 
     def rows_about(effects: Sequence[Effect]) -> Rows:
-        rows = linearise(BENCH, felt, effects, channels=CHANNELS, read=y, stages=GYROSCOPE_STAGES)
+        rows = linearise(BENCH, felt, effects, channels=RATES, read=y, stages=GYROSCOPE_STAGES)
         return replace(rows, nuisance=N.reshape(len(rate), 3, -1))
 
     sigma = np.maximum(np.abs(scale) * np.concatenate([s.sigma for s in stretches]), MIN_RATE_SIGMA)
     return View(
-        RATE_TABLE, channels=CHANNELS, **{**recording_fields(first), "time": time, "session": session},
+        RATE_TABLE, channels=RATES, **{**recording_fields(first), "time": time, "session": session},
         stimulus=felt,
         evaluate=rows_about, stages=GYROSCOPE_STAGES, baseline=(*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS),
         groups=number - 1, nuisances=(*of_each, *of_rigs),

@@ -43,12 +43,11 @@ from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells
-from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.recording.record import FORCE, RATE, RATES
 from gimbalcal.rotation import normal_to
 from gimbalcal.views.core import Measurement, View, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel, of_channels
 
-CHANNELS = tuple((RATE, a) for a in "xyz")
 VERTICAL, HEADING = "vertical rate", "heading"
 MIN_RATE_SIGMA = 1e-9  # rad/s; below any gyroscope: where samples tell no noise, the scatter of the dwells is all of it
 MAX_TURN_ERROR_RAD = 0.2  # by which a turn misses gravity: it was not what the gyroscopes say
@@ -113,9 +112,9 @@ def rest_rates_on_gimbals(recording: Recording, sigma: Array) -> View:
 
 def _view(means: Recording, s: Stimulus, y: Array, N: Array | None, **fields: Any) -> View:
     def rows(effects: Sequence[Effect]) -> Rows:
-        return replace(linearise(BENCH, s, effects, channels=CHANNELS, read=y, stages=GYROSCOPE_STAGES), nuisance=N)
+        return replace(linearise(BENCH, s, effects, channels=RATES, read=y, stages=GYROSCOPE_STAGES), nuisance=N)
 
-    return View(REST_RATES, channels=CHANNELS, **recording_fields(means), stimulus=s, label=s.position,
+    return View(REST_RATES, channels=RATES, **recording_fields(means), stimulus=s, label=s.position,
                 evaluate=rows, stages=GYROSCOPE_STAGES, baseline=GYROSCOPE_BIAS, groups=np.arange(len(y)),
                 **fields)  # fmt: skip
 

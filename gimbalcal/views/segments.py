@@ -22,11 +22,11 @@ from gimbalcal.platform import BENCH
 from gimbalcal.recording import Dwell, Recording, dwells
 from gimbalcal.recording.detection import with_rests
 from gimbalcal.recording.dwell import MISSED_ROW_STEPS
-from gimbalcal.recording.record import FORCE, RATE, SENSOR_OF
+from gimbalcal.recording.record import FORCE, FORCES, RATE, RATES, SENSOR_OF
 from gimbalcal.rotation import mean_rates
 
 AVERAGED_QUANTITIES = (FORCE, RATE, "temperature", "covariate")
-CHANNELS = tuple((q, a) for q in (FORCE, RATE) for a in "xyz")
+CHANNELS = (*FORCES, *RATES)
 UPDATE_INTERVAL_S = 1.0  # between two updates of the velocity
 GROUP_LENGTH_S = 0.05  # of a turn, over which sensitivities hardly change: half a degree
 PAUSE_EDGE_ROWS = 100  # on either side of a pause

@@ -22,10 +22,8 @@ from gimbalcal.forward import Rows, gyroscopes, linearise
 from gimbalcal.inversion import invert_response
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
-from gimbalcal.recording.record import RATE
+from gimbalcal.recording.record import RATES
 from gimbalcal.rotation import exponential, left_jacobian
-
-RATES = tuple((RATE, a) for a in "xyz")
 
 
 @dataclass(frozen=True, eq=False)

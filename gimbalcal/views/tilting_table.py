@@ -15,7 +15,7 @@ from gimbalcal.forward import Rows, linearise
 from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.recording.record import FORCE, FORCES, RATE
 from gimbalcal.units import is_raw
 from gimbalcal.views.core import Measurement, View, recording_fields
 from gimbalcal.views.noise import NoiseModel
@@ -44,14 +44,14 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: floa
     rate, y = fine.triad(RATE), fine.triad(FORCE)  # what is read of the turning, as nothing else measures it
     s = stimulus_from_truth(fine, -fine.site.gravity * np.eye(3)[2] + 0 * rate, rate)
     size = _rows_in(fine, BLOCK_S)
-    channels, stages = tuple((FORCE, a) for a in "xyz"), frozenset({Stage.PLATFORM, *SENSOR_STAGES})
+    stages = frozenset({Stage.PLATFORM, *SENSOR_STAGES})
 
     def centred_means(X: Array) -> Array:
         means = _means(X, size)
         return np.asarray(means - means.mean(axis=0))
 
     def rows(effects: Sequence[Effect]) -> Rows:
-        return linearise(fine.platform, s, effects, channels=channels, read=y, stages=stages).reduced(centred_means)
+        return linearise(fine.platform, s, effects, channels=FORCES, read=y, stages=stages).reduced(centred_means)
 
     blocks = means_over_duration(fine, BLOCK_S)
     change = float(np.linalg.norm(centred_means(y), axis=1).max()) / recording.site.gravity
@@ -63,7 +63,7 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: floa
         )
     in_group = max(1, round(HELD_OUT_S / blocks.step))
     return View(
-        TABLE, channels=channels, **recording_fields(blocks), stimulus=s, evaluate=rows, stages=stages,
+        TABLE, channels=FORCES, **recording_fields(blocks), stimulus=s, evaluate=rows, stages=stages,
         baseline=tuple(baseline) or ACCELEROMETER_BIAS, gauge=frozenset({(SIZE_EFFECT, a) for a in MATRIX_AXES}),
         prior_factor=PRIOR_FACTOR, groups=np.arange(len(blocks.time)) // in_group, noise=NoiseModel(),
         finer=(lambda: tilting_table(recording, baseline, FINE_STEP_S)) if step > FINE_STEP_S else None,

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gimbalcal.estimate.gyroscopes.against_attitude import SIGNIFICANCE, fit_thirds
+from gimbalcal.estimate.gyroscopes.against_attitude import fit_thirds
 from gimbalcal.estimate.noise_memory import added_by_memory
+from gimbalcal.inference.p_value import SIGNIFICANCE
 from tests.stimuli import remembering
 
 N = 200

@@ -9,10 +9,9 @@ import numpy as np
 
 from gimbalcal.calibration import AssumedNoise, Provenance, StageResult
 from gimbalcal.estimate.accelerometers.position_fit import RESIDUAL, Fault, Positions, fit_with_noise, noise_deviance
-from gimbalcal.estimate.accelerometers.position_outliers import is_explained_by_chance
 from gimbalcal.estimate.fit import information_of
 from gimbalcal.inference.information import Unobservable, solve
-from gimbalcal.inference.p_value import probability
+from gimbalcal.inference.p_value import is_explained_by_chance, probability
 from gimbalcal.number import apply_matrix
 from gimbalcal.recording.record import FOLLOWED, FORCE
 from gimbalcal.schedule import SCHEDULES, Schedule

@@ -31,7 +31,7 @@ from math import nan
 import numpy as np
 
 from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters_of_effects, values
 from gimbalcal.effects.effect import SENSOR_STAGES, followed_covariate, without_gauge
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.fit_summary import assumed_noise, rotations_of_the_triad
@@ -42,7 +42,6 @@ from gimbalcal.estimate.term_selection import (
     MAX_SCATTER_RATIO,
     Fits,
     needed_significance,
-    number_of_coefficients,
     refusal_sentence,
     select_terms,
 )
@@ -68,8 +67,7 @@ NOTABLE_SIGMAS = 1.0  # by which an omitted term must move an estimate to be wor
 
 def parameters_of_terms(terms: Sequence[str]) -> tuple[Parameter, ...]:
     """Parameters of the terms; of the six misalignments the three that the norm can see."""
-    wanted = [p for t in terms for p in parameters(CATALOGUE[t])]
-    return tuple(replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in without_gauge(wanted))
+    return tuple(replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in without_gauge(parameters_of_effects(terms)))
 
 
 def norm_fit(view: View, terms: Sequence[str], extra: Extension = NO_EXTENSION) -> ViewsFit:
@@ -115,7 +113,7 @@ def _start(y: Array, wanted: Sequence[Parameter], g: float) -> Array:
 def covariance_of_omitted_terms(fitted: ViewsFit, terms: Sequence[str]) -> Array:
     """Return the increase of the covariance (p, p) of a fit by terms that are omitted from it; zero for none."""
     view, solution, n = fitted.views[0], fitted.solution, len(fitted.solution.parameters)
-    omitted = tuple(view.grade.usual(q) for t in terms for q in parameters(CATALOGUE[t]))
+    omitted = tuple(map(view.grade.usual, parameters_of_effects(terms)))
     if not omitted:
         return np.zeros((n, n))
     every = (*solution.parameters, *omitted)
@@ -159,7 +157,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     _refuse_undetermined_term(tuple(requested), recording.why_not_shown, "--with")
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     extra = norm_fit(view, base).extension(more) if more else NO_EXTENSION
-    tried, positions = number_of_coefficients(wanted) - number_of_coefficients(base), f"{len(view)} positions"
+    tried, positions = len(parameters_of_effects(wanted)) - len(parameters_of_effects(base)), f"{len(view)} positions"
 
     def attempt(terms: tuple[str, ...], without: ViewsFit) -> ViewsFit | str:
         try:
@@ -199,7 +197,7 @@ def usual_accelerometers(recording: Recording) -> Calibration:
     What gyroscopes at rest say of their bias and temperature asks for the direction of gravity only.
     """
     view = norm(dwell_means(recording))
-    if attitudes(view.source.triad(FORCE)) < number_of_coefficients(SIX_TERMS):
+    if attitudes(view.source.triad(FORCE)) < len(parameters_of_effects(SIX_TERMS)):
         return Calibration.ideal("ideal")
     return multiposition(recording, view.baseline)
 

@@ -85,9 +85,7 @@ def noise_of_positions(recording: Recording) -> Noise:
         if not force:  # what neighbouring rows show, three axes pooled; 0 for one row a dwell
             shown = sample_sigma(replace(recording, noise={}), axes, recording.triad(FORCE))
             force = float(np.sqrt(np.mean(shown**2)))
-    if not recording.platform.axes:
-        setting, setting_from = np.inf, ATTITUDE
-    elif "gimbal_angle" in stated:
+    if "gimbal_angle" in stated:
         setting, setting_from = one_sigma(stated["gimbal_angle"]), HEADER
     else:
         setting, setting_from = SETTING_SIGMA_RAD, RESIDUAL

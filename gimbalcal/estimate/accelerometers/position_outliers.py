@@ -39,7 +39,7 @@ from gimbalcal.estimate.extra_effects import ExtraEffect, sizes_shown
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
-from gimbalcal.inference.p_value import probability
+from gimbalcal.inference.p_value import SIGNIFICANCE, is_explained_by_chance, probability
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE
@@ -57,23 +57,17 @@ from gimbalcal.views.positions import (
     without_visits,
 )
 
-SIGNIFICANCE = 1e-3  # probability, number of trials paid, below which chance is not believed
 MAX_REMAINING_EXCESS = 0.01  # share of the excess chi^2 that may remain where something else is wrong besides
 MAX_FAULTS = 2  # faults looked for: of more, one could not say which positions are the reference
 GROSS_FORCE_ERROR = 0.1  # of the force: beyond the errors of any sensor on gimbals, and beyond what is linear in a turn
 MAX_SUSPECTS = 40  # visits among which interchanged ones are looked for, worst first: keeps long recordings quick
 
 
-def is_explained_by_chance(chi2: float, dof: int) -> bool:
-    """Return whether chance alone may leave a chi^2 as large as this."""
-    return probability(chi2, dof) >= SIGNIFICANCE
-
-
 def fit_without_outliers(
-    view: View, noise: Noise, wanted: Sequence[Parameter], absent: Sequence[Effect] = (), start: Array | None = None
+    view: View, noise: Noise, wanted: Sequence[Parameter], absent: Sequence[Effect] = ()
 ) -> Positions:
     """The fit of the visits that can be trusted, and the faults found in the others."""
-    whole = fit_with_noise(view, noise, wanted, absent, start)
+    whole = fit_with_noise(view, noise, wanted, absent)
     scaled = noise.setting_from == RESIDUAL  # an estimated setting error hides a fault from the test of the whole
     if is_explained_by_chance(whole.fit.solution.chi2, whole.fit.solution.dof) and not scaled:
         return whole
@@ -241,4 +235,4 @@ def trusted_positions(
     wanted = (*position_parameters(recording.platform, grade=recording.grade), *free)
     ids, noise = [*(p.effect for p in wanted), *(e.id for e in effects)], noise_of_positions(recording)
     view = view_of_positions(recording, noise, ids, averaged=not more)
-    return fit_without_outliers(view, noise, wanted, effects, values(effects, wanted))
+    return fit_without_outliers(view, noise, wanted, effects)

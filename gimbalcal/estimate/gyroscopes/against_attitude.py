@@ -27,7 +27,7 @@ from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, columns_are_independe
 from gimbalcal.estimate.gyroscopes.revolutions import triangular_parameters
 from gimbalcal.inference.coloured import MIN_CHI2
 from gimbalcal.inference.information import chi2_about_mean
-from gimbalcal.inference.p_value import probability
+from gimbalcal.inference.p_value import SIGNIFICANCE, probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
@@ -46,7 +46,6 @@ from gimbalcal.views.attitude import (
 
 PARTS = 3
 MIN_ROWS_EACH = 3.0  # rows of a third for each parameter
-SIGNIFICANCE = 1e-3  # probability below which the thirds differ
 
 
 @dataclass(frozen=True)

@@ -23,21 +23,16 @@ from gimbalcal.calibration import (
     Residual,
 )
 from gimbalcal.checks.driven_rates import refuse_unlike_table
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, parameters_of_effects
 from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.position_fit import SAMPLES
 from gimbalcal.estimate.extra_effects import ExtraEffect, extra_effects
-from gimbalcal.estimate.fit import LEAST_SIGNAL, MIN_NUMBERS_LEFT, ViewsFit, fit
+from gimbalcal.estimate.fit import LEAST_SIGNAL, MIN_NUMBERS_LEFT, ViewsFit, columns_are_independent, fit
 from gimbalcal.estimate.grade import grade_of_unit
 from gimbalcal.estimate.gyroscopes.residual_checks import rates_in_words
-from gimbalcal.estimate.term_selection import (
-    needed_significance,
-    number_of_coefficients,
-    refusal_sentence,
-    select_terms,
-)
+from gimbalcal.estimate.term_selection import needed_significance, refusal_sentence, select_terms
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.method_table import Request
 from gimbalcal.number import Array
@@ -58,7 +53,6 @@ from gimbalcal.views.rest_rates import MIN_RATE_SIGMA
 
 BASE = (*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS)
 FURTHER_TERMS = ("gyro_scale_asymmetry", "gyro_scale_nonlinearity")
-MAX_CONDITION_NUMBER = 1e10  # condition of the columns from which on some cannot be distinguished
 
 
 def calibrate_on_a_table(request: Request) -> Calibration:
@@ -174,10 +168,10 @@ def _nominal_scales(counted: Sequence[bool], each: Sequence[Stretches]) -> Array
 
 def _seen_parameters(view: View) -> tuple[tuple[Parameter, ...], tuple[Parameter, ...]]:
     """Parameters of the linear model that some stretch depends on, and those that none does."""
-    every = tuple(p for t in BASE for p in parameters(CATALOGUE[t]))
+    every = parameters_of_effects(BASE)
     size = np.abs(view.evaluate(()).jacobian(every)).max(axis=(0, 1))
     determined = tuple(p for p, s in zip(every, size, strict=True) if s > MAX_RATE_CHANGE * MIN_RATE)
-    if _condition(view, determined) > MAX_CONDITION_NUMBER:
+    if not _distinguished(view, determined):
         raise InputError(
             "these turns do not tell scale factors from misalignments: turn the unit about one of its own axes in each "
             "recording, or about three axes and more"
@@ -189,11 +183,10 @@ def _fit(view: View, wanted: Sequence[Parameter], effects: Sequence[Effect] = ()
     return fit([view], wanted, effects, min_signal=LEAST_SIGNAL, significance=0.0)
 
 
-def _condition(view: View, wanted: Sequence[Parameter]) -> float:
-    """Condition number of the columns of parameters, each of length one; a constant of an absent effect has none."""
+def _distinguished(view: View, wanted: Sequence[Parameter]) -> bool:
+    """Return whether the rows distinguish parameters; a constant of an absent effect has no column."""
     J = view.evaluate(()).jacobian(wanted).reshape(-1, len(wanted))
-    size = np.linalg.norm(J, axis=0)
-    return float(np.linalg.cond(J[:, size > 0] / size[size > 0]))
+    return columns_are_independent(J[:, J.any(axis=0)])
 
 
 def _fit_with_supported_terms(
@@ -205,10 +198,10 @@ def _fit_with_supported_terms(
     def attempt(terms: tuple[str, ...], without: ViewsFit) -> ViewsFit | str:
         term = terms[-1]
         more = (*without.parameters, *(p for p in parameters(CATALOGUE[term]) if p.axis in turned))
-        if 3 * len(view) <= len(more) or _condition(view, more) > MAX_CONDITION_NUMBER:
+        if 3 * len(view) <= len(more) or not _distinguished(view, more):
             return f"{term} is left out: it takes more rates, both ways round"
         fit = _fit(view, more, linear.effects)
-        clear_of = needed_significance(number_of_coefficients(FURTHER_TERMS), fit.dof_of_scatter)
+        clear_of = needed_significance(len(parameters_of_effects(FURTHER_TERMS)), fit.dof_of_scatter)
         return refusal_sentence(term, f"{len(view)} stretches", without, fit, "rad/s", clear_of) or fit
 
     fits, declined = select_terms(BASE, linear, [t for t in FURTHER_TERMS if t not in requested], attempt)

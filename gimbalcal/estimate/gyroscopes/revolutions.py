@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Readout, Residual
-from gimbalcal.effects import CATALOGUE, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Parameter, parameters, parameters_of_effects, with_values
 from gimbalcal.effects.effect import MISALIGNMENT_AXES
 from gimbalcal.effects.gyroscope import of_rate_matrix, rate_matrix
 from gimbalcal.errors import InputError, number_of
@@ -159,8 +159,9 @@ def as_effects(x: Array) -> Array:
 
 def triangular_parameters() -> tuple[Parameter, ...]:
     """The parameters in the order of `as_effects`; of the misalignments those that a rotation of the triad leaves."""
-    wanted = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
-    return tuple(p for p in wanted if p.effect != "gyro_misalignment" or p.axis in LOWER_TRIANGLE)
+    return tuple(
+        p for p in parameters_of_effects(EFFECTS) if p.effect != "gyro_misalignment" or p.axis in LOWER_TRIANGLE
+    )
 
 
 def _outcome(converged: bool, noise_is_known: bool, times: float) -> str:
@@ -284,7 +285,7 @@ def in_accelerometer_frame(gyroscopes: Calibration, lie: InterTriad) -> Calibrat
 
     .. math:: y = M \omega^q + \dots = (M C_p^q) \, \omega^p + \dots , \quad M \text{ physics to reading}
     """
-    order = [p for e in EFFECTS for p in parameters(CATALOGUE[e])]
+    order = parameters_of_effects(EFFECTS)
     labels = [p.label for p in gyroscopes.parameters]
     linear = [[p.label for p in parameters(CATALOGUE[i])] for i in ("gyro_scale_factor", "gyro_misalignment")]
     n = len(labels)
@@ -306,6 +307,4 @@ def in_accelerometer_frame(gyroscopes: Calibration, lie: InterTriad) -> Calibrat
         frame="accelerometers", inter_triad_arcsec=angles, inter_triad_sigma_arcsec=sigmas
     )
     effects, P = with_values((), order, referred(x)), J @ covariance @ J.T
-    return replace(
-        gyroscopes, effects=effects, parameters=tuple(order), covariance=P, unobservable=(), provenance=origin
-    )
+    return replace(gyroscopes, effects=effects, parameters=order, covariance=P, unobservable=(), provenance=origin)

@@ -18,12 +18,12 @@ import numpy as np
 from gimbalcal.calibration.provenance import FarStar, ResidualPattern
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.pointing.fit import weighted_residual
+from gimbalcal.inference.p_value import SIGNIFICANCE
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
 from gimbalcal.views.pointing import CHANNELS
 
-SIGNIFICANCE = 1e-3  # probability, all trials paid, below which neighbours are no more alike by chance
 MIN_TRAVEL_RAD = 1e-3  # rad; an axis that travels less stood still
 MIN_STARS = 20  # stars in which a pattern can be distinguished from chance
 MIN_OUTLIER_SIGMAS = 7.0  # robust sigmas; a star further off is another star, or was not centred

@@ -9,9 +9,9 @@ from gimbalcal.effects import CATALOGUE
 from gimbalcal.estimate.accelerometers.position_fit import noise_of_positions
 from gimbalcal.estimate.accelerometers.position_outliers import (
     fit_without_outliers,
-    is_explained_by_chance,
     probability,
 )
+from gimbalcal.inference.p_value import is_explained_by_chance
 from gimbalcal.views.positions import view_of_positions
 from tests.estimate.device import (
     ARCSEC,
