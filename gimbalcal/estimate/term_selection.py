@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -36,11 +35,6 @@ def needed_significance(tried: int, dof: float) -> float:
     from scipy.special import stdtrit
 
     return -float(stdtrit(max(dof, 1), FALSE_TERM_RATE / TRIADS / (2 * max(tried, 1))))
-
-
-def number_of_coefficients(terms: Sequence[str]) -> int:
-    """Return the number of coefficients of these terms."""
-    return sum(len(parameters(CATALOGUE[i])) for i in terms)
 
 
 Fits = list[tuple[tuple[str, ...], ViewsFit]]

@@ -32,7 +32,7 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, dwell_means, dwells
 from gimbalcal.recording.dwell import moves_between_dwells
-from gimbalcal.recording.record import FORCE, RATE
+from gimbalcal.recording.record import FORCE, FORCES, RATE
 from gimbalcal.rotation import composed_rotation, cross_matrix, exponential, mean_rates, normal_to
 from gimbalcal.views.core import Measurement, View, gyroscope_parameters_without, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel
@@ -41,7 +41,6 @@ from gimbalcal.views.swept_rotations import Sweeps, swept_rotation, swept_rows
 
 MIN_TURN = 0.02  # rad that a gyroscope sweeps in some turn; white noise of 1 deg/sqrt(h) makes 0.002 in a minute
 MAX_ATTITUDE_CHANGE = 0.01  # of the attitude's elements: gimbals that stand where they stood
-FORCES = tuple((FORCE, a) for a in "xyz")
 TURNS = Measurement(
     "turns", "arcsec", "turns", channels="the direction of gravity after the turns",
     channel="the direction of gravity after a turn, {axis}", acts_on=(RATE,), patterns=frozenset({"orientation"}),
@@ -55,7 +54,8 @@ class Turns(Sweeps):
 
     `ends` (m,) is the index of the dwell after each turn, as turns in which the clock paused or a gyroscope read the
     end of its range, `clipped` of `logged` ones, are left out unless there is no other; `means` are of all dwells, and
-    so are `level` (k, 3) [rad/s] and C_np by gimbals, `attitude` (k, 3, 3). scale: rad/s per unit of the readings.
+    so are `level` (k, 3) [rad/s] and C_np by gimbals, `attitude` (k, 3, 3). scale: rad/s per unit of the readings;
+    accelerometers: the calibration by which they tell gravity.
     """
 
     before: Array
@@ -67,6 +67,7 @@ class Turns(Sweeps):
     attitude: Array | None
     clipped: int
     logged: int
+    accelerometers: Calibration
 
     def levelled(self, at_rest: Sequence[Effect]) -> Turns:
         """Return the turns with another level: what effects make a unit read that feels the force and does not turn."""
@@ -114,7 +115,9 @@ def turns_between_rests(recording: Recording, accelerometers: Calibration) -> Tu
     angles = np.array([read[d.rows].mean(0) for d in visits])
     attitude = there.platform.attitude(angles) if there.platform.axes else None
     means, lost, n = dwell_means(recording), len(logged) - len(whole), len(logged)
-    turns = Turns(reading, step, s, down[ends - 1], down[ends], ends, means, level, 1.0, attitude, lost, n)
+    turns = Turns(
+        reading, step, s, down[ends - 1], down[ends], ends, means, level, 1.0, attitude, lost, n, accelerometers
+    )
     scale = _rough_scale(turns) if recording.counted(RATE) else 1.0
     return replace(turns, reading=scale * (reading + bend) + scale**2 * swing, level=scale * level, scale=scale)
 
@@ -164,18 +167,15 @@ def _rough_scale(turns: Turns) -> float:
     return float(guesses[int(np.argmin(misfit))])
 
 
-def gravity_after_turns(turns: Turns, accelerometers: Calibration | None = None, known: Sequence[Effect] = ()) -> View:
-    """Return the view of gravity after each turn; what `accelerometers` leave open of it are nuisances.
+def gravity_after_turns(turns: Turns, known: Sequence[Effect] | None = None) -> View:
+    """Return the view of gravity after each turn.
 
-    known: effects of the gyroscopes with which the nuisances are carried through the turns.
+    known: effects of the gyroscopes with which what the accelerometers leave open of gravity is carried through the
+    turns, as nuisances; None without these.
     """
     ends, first = turns.means.select(turns.ends), normal_to(turns.after)
     across = np.stack([first, np.cross(turns.after, first)], axis=1)
-    N = (
-        across @ _left_open(turns, accelerometers, known)
-        if accelerometers is not None
-        else np.zeros((len(first), 2, 0))
-    )
+    N = np.zeros((len(first), 2, 0)) if known is None else across @ _left_open(turns, known)
 
     def rows(effects: Sequence[Effect]) -> Rows:
         P, turned = swept_rows(turns, effects)
@@ -192,8 +192,9 @@ def gravity_after_turns(turns: Turns, accelerometers: Calibration | None = None,
     )  # fmt: skip
 
 
-def _left_open(turns: Turns, calibration: Calibration, known: Sequence[Effect]) -> Array:
+def _left_open(turns: Turns, known: Sequence[Effect]) -> Array:
     """Derivative (m, 3, p) of predicted gravity by one sigma of each combination of the accelerometers' parameters."""
+    calibration = turns.accelerometers
     wanted = tuple(p for p in calibration.parameters if CATALOGUE[p.effect].stage in SENSOR_STAGES)
     at = [calibration.parameters.index(p) for p in wanted]
     if not wanted or not len(calibration.covariance):

@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import DIRECTION, Calibration, Counts, Options, Provenance, Readout, Residual
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, parameters_of_effects, with_values
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, lacking_quantity
 from gimbalcal.effects.gyroscope import rate_matrix
@@ -38,28 +38,22 @@ from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     BIAS,
     G_SENSITIVITY,
     by_motion,
+    determined_parameters,
     fit_rests,
     fit_turns,
     level_of,
+    levelled_by,
     rests_joined_by_turns,
-    undetermined_parameters,
-    with_reference_error,
 )
 from gimbalcal.estimate.gyroscopes.revolutions import euler_angles
-from gimbalcal.estimate.term_selection import (
-    Fits,
-    needed_significance,
-    number_of_coefficients,
-    refusal_sentence,
-    select_terms,
-)
+from gimbalcal.estimate.term_selection import Fits, needed_significance, refusal_sentence, select_terms
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.information import Unobservable
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
-from gimbalcal.views.turns import Turns, turns_between_rests
+from gimbalcal.views.turns import Turns, gravity_after_turns, turns_between_rests
 
 LINEAR = GYROSCOPE_INPUT_TERMS
 HARDLY_SHOWN = "the turns hardly show it"
@@ -88,18 +82,18 @@ def gyroscopes_between_rests(
     turns = turns_between_rests(recording, accelerometers)
     terms_moving = tuple(t for t in wanted if t != G_SENSITIVITY)
     base = tuple(t for t in terms_moving if t in LINEAR) or terms_moving[:1]
-    tried = number_of_coefficients([t for t in wanted if t not in base])
+    tried = len(parameters_of_effects(t for t in wanted if t not in base))
     still = rests_joined_by_turns(recording, accelerometers, turns)
     extra = _extension(more, still, turns, base)
     at_rest, moving = by_motion(extra, still)
     level, why = level_of(still, G_SENSITIVITY in wanted, tried, at_rest)
-    if len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
-        turns = turns.levelled(level.effects)
+    turns = levelled_by(level, turns)
     further = [t for t in terms_moving if t not in base]
-    fits, declined, doubt, undetermined = Fits(), dict[str, str](), list[str](), tuple[Parameter, ...]()
+    fits, declined, doubt, undetermined = Fits(), dict[str, str](), list[str](), list[Parameter]()
     if base or moving.parameters:
-        undetermined = undetermined_parameters(turns, accelerometers, base)
-        linear = fit_turns(turns, base, moving, undetermined)
+        own = determined_parameters(turns, base)
+        undetermined = [p for p in parameters_of_effects(base) if p not in own]
+        linear = fit_turns(turns, own, moving)
         doubt = [] if moving.parameters else singular_in_words(linear.condition) or astray_in_words(turns, linear.rms)
         if doubt and turns.scale != 1.0:
             raise InputError(f"{doubt[0]}; nor do they show what a count of the rates is")
@@ -110,18 +104,17 @@ def gyroscopes_between_rests(
                 base,
                 linear,
                 further,
-                lambda terms, without: _attempt_terms(
-                    turns, accelerometers, terms, without, tried, moving, undetermined
-                ),
+                lambda terms, without: _attempt_terms(turns, terms, without, tried, moving),
             )
     if why:
         declined[G_SENSITIVITY] = why
     sentences = rests_in_words(level) + doubt
     if fits:
-        fits[-1] = fits[-1][0], with_reference_error(fits[-1][1], turns, accelerometers)
-        fit = fits[-1][1]
+        taken_up, fit = fits[-1]
+        fit = fit.with_fixed_nuisances([gravity_after_turns(turns, fit.effects)])
+        fits[-1] = taken_up, fit
         sentences += singular_in_words(fit.condition) or (
-            turns_in_words(turns, accelerometers, level.residual[0], fit.rms)
+            turns_in_words(turns, level.residual[0], fit.rms)
             + sizes_in_words(turns, fit)
             + undetermined_in_words(undetermined)
         )
@@ -141,7 +134,7 @@ def _extension(more: Sequence[ExtraEffect], still: View, turns: Turns, base: tup
         rest = fit_rests(still, (BIAS,), at_rest)
         total = float(((rest.residual[0] / np.asarray(still.noise.sigma)) ** 2).sum())
         if moving.parameters:
-            turned = fit_turns(turns, base, moving)
+            turned = fit_turns(turns, parameters_of_effects(base), moving)
             total += turned.residual[0].size * float(np.log(turned.rms**2))  # of rows whose scale is not known
         return total
 
@@ -157,25 +150,19 @@ def _refuse_term(term: str, missing: str, title: str) -> None:
 
 
 def _attempt_terms(
-    turns: Turns, accelerometers: Calibration, terms: tuple[str, ...], without: ViewsFit, tried: int,
-    extra: Extension, undetermined: Sequence[Parameter],
-) -> ViewsFit | str:  # fmt: skip
+    turns: Turns, terms: tuple[str, ...], without: ViewsFit, tried: int, extra: Extension
+) -> ViewsFit | str:
     """The fit with the last of the terms, or why the turns do not support it."""
-    own = [p for p in undetermined_parameters(turns, accelerometers, terms) if p.effect == terms[-1]]
-    if len(own) == len(parameters(CATALOGUE[terms[-1]])):
+    own = [p for p in determined_parameters(turns, terms) if p.effect == terms[-1]]
+    if not own:
         return f"{terms[-1]} is left out: {HARDLY_SHOWN}"
+    before = [p for p in without.parameters if p not in extra.parameters]
     try:
-        fit = fit_turns(turns, terms, extra, (*undetermined, *own))
+        fit = fit_turns(turns, (*before, *own), extra)
     except InputError as problem:
         return f"{terms[-1]} is left out: {problem}"
-    sigma = np.maximum(fit.sigmas, fit.left_out[1])
-    data = f"{len(fit.residual[0])} turns"
-    return (
-        refusal_sentence(
-            terms[-1], data, without, fit, "rad", needed_significance(tried, _degrees_of_freedom(fit)), sigma
-        )
-        or fit
-    )
+    sigma, clear_of = np.maximum(fit.sigmas, fit.left_out[1]), needed_significance(tried, _degrees_of_freedom(fit))
+    return refusal_sentence(terms[-1], f"{len(fit.residual[0])} turns", without, fit, "rad", clear_of, sigma) or fit
 
 
 def _degrees_of_freedom(fit: ViewsFit) -> int:

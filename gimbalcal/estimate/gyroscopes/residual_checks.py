@@ -15,7 +15,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gimbalcal.calibration import Calibration
 from gimbalcal.effects import Parameter
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.forward import gyroscopes
@@ -55,12 +54,12 @@ def rates_in_words(where: str, residual: Array, explained: Array, cause: str) ->
     return [f"{off}, {rms[i] / explained[i]:.2g} times what {cause}"]
 
 
-def turns_in_words(turns: Turns, accelerometers: Calibration, wander: Array, rms: float) -> list[str]:
+def turns_in_words(turns: Turns, wander: Array, rms: float) -> list[str]:
     """A sentence where gravity after the turns is missed by far more than noise explains; rms [rad] per component.
 
     wander (m, 3) [rad/s]: misfit of the rests.
     """
-    explained = turn_sigma(turns, accelerometers, wander)
+    explained = turn_sigma(turns, wander)
     out = _clipped_in_words(turns)
     if explained and rms > MAX_RATE_SCATTER_RATIO * explained:
         out.append(
@@ -79,7 +78,7 @@ def _clipped_in_words(turns: Turns) -> list[str]:
     return [f"a gyroscope reads the end of its range in {where}: turn more slowly, or raise the range"]
 
 
-def turn_sigma(turns: Turns, accelerometers: Calibration, wander: Array) -> float:
+def turn_sigma(turns: Turns, wander: Array) -> float:
     """Return the error of gravity after turns by noise [rad rms, per component], see above; 0 where it is unknown."""
     white, n, scale = turns.means.sigma("gyroscope"), turns.means.weight, turns.scale
     if white is None:
@@ -87,20 +86,20 @@ def turn_sigma(turns: Turns, accelerometers: Calibration, wander: Array) -> floa
     first, last = turns.ends - 1, turns.ends
     steps, T = (turns.step > 0).sum(1), turns.step.sum(1)
     usual = SIGMA_PER_MEDIAN * float(np.median(np.abs(wander)))  # one odd rest makes no turn uncertain
-    down = _direction_sigma(turns, accelerometers)
+    down = _direction_sigma(turns)
     level = (T * scale * white) ** 2 / 4 * (1 / n[first] + 1 / n[last])
     on_the_way = steps * (scale * white * T / steps) ** 2
     variance = down[first] ** 2 + down[last] ** 2 + on_the_way + level + T**2 / 2 * usual**2
     return float(np.sqrt(variance.mean()))
 
 
-def _direction_sigma(turns: Turns, accelerometers: Calibration) -> Array:
+def _direction_sigma(turns: Turns) -> Array:
     """One sigma (m,) [rad] of gravity's direction at the rests, per component."""
     sample = turns.means.sigma("accelerometer") or 0.0
-    nominal = accelerometers.readout.accelerometers
+    nominal = turns.accelerometers.readout.accelerometers
     if turns.means.counted(FORCE):
         sample *= float(np.mean(np.abs(nominal.scale))) if nominal else 0.0
-    excess = accelerometers.provenance.options.excess_scatter or 0.0
+    excess = turns.accelerometers.provenance.options.excess_scatter or 0.0
     return np.asarray(np.sqrt(sample**2 / turns.means.weight + excess**2) / turns.means.site.gravity)
 
 

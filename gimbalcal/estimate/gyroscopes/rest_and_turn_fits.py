@@ -16,14 +16,14 @@ one for a turn that the accelerometers tell well.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration, Counts, Readout
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.effects import Effect, Parameter, parameters_of_effects, with_values
 from gimbalcal.effects.baseline_effects import GYROSCOPE_INPUT_TERMS
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
@@ -37,7 +37,7 @@ from gimbalcal.estimate.fit import (
     fit,
 )
 from gimbalcal.estimate.gyroscopes.residual_checks import MAX_ASTRAY
-from gimbalcal.estimate.term_selection import needed_significance, number_of_coefficients, refusal_sentence
+from gimbalcal.estimate.term_selection import needed_significance, refusal_sentence
 from gimbalcal.inference.information import prior
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
@@ -48,6 +48,7 @@ from gimbalcal.views.swept_rotations import swept_rotation
 from gimbalcal.views.turns import Turns, gravity_after_turns, logged_turns, turns_between_rests, with_headings
 
 BIAS, G_SENSITIVITY = "gyro_bias", "gyro_g_sensitivity_rate"
+LINEAR = parameters_of_effects(GYROSCOPE_INPUT_TERMS)
 MIN_DWELLS = 6  # four unknowns an axis, and something to test them on
 MIN_RESTS = 6  # fewer do not tell a pattern of the attitude from chance
 MAX_USUAL_SIGMAS = 200.0  # of a parameter that the turns determine: 20 % of scale, 17 deg
@@ -61,16 +62,20 @@ def rests_joined_by_turns(recording: Recording, accelerometers: Calibration, tur
     if turns is not None and not recording.platform.axes and logged_turns(recording):
         linear: tuple[Effect, ...] = ()
         with suppress(InputError):  # the turns may not determine all of it
-            undetermined = undetermined_parameters(turns, accelerometers, GYROSCOPE_INPUT_TERMS)
-            linear = fit_turns(turns, GYROSCOPE_INPUT_TERMS, undetermined=undetermined).effects
+            linear = fit_turns(turns, determined_parameters(turns, GYROSCOPE_INPUT_TERMS)).effects
         carried = dict(zip(turns.ends.tolist(), swept_rotation(turns, linear), strict=True))
     return rest_rates(recording, accelerometers, turns.scale if turns else 1.0, carried)
 
 
 def fit_rests(still: View, terms: Sequence[str] = (BIAS, G_SENSITIVITY), extra: Extension = NO_EXTENSION) -> ViewsFit:
     """Fit gyroscope effects to dwells, with a scatter of each axis beyond the samples'."""
-    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t])), *extra.parameters)
-    return fit([still], wanted, extra.effects, min_signal=LEAST_SIGNAL, significance=0.0)
+    return fit(
+        [still],
+        (*parameters_of_effects(terms), *extra.parameters),
+        extra.effects,
+        min_signal=LEAST_SIGNAL,
+        significance=0.0,
+    )
 
 
 def level_of(still: View, g_sensitivity: bool, tried: int = 0, extra: Extension = NO_EXTENSION) -> tuple[ViewsFit, str]:
@@ -86,9 +91,14 @@ def level_of(still: View, g_sensitivity: bool, tried: int = 0, extra: Extension 
     if len(still) < MIN_DWELLS:
         return plain, f"{G_SENSITIVITY} is left out: {data} are too few for it"
     full = fit_rests(still, (BIAS, G_SENSITIVITY), extra)
-    clear_of = needed_significance(tried or number_of_coefficients([G_SENSITIVITY]), full.dof_of_scatter)
+    clear_of = needed_significance(tried or len(parameters_of_effects([G_SENSITIVITY])), full.dof_of_scatter)
     why = refusal_sentence(G_SENSITIVITY, data, plain, full, "rad/s", clear_of)
     return (plain, why) if why else (full, "")
+
+
+def levelled_by(level: ViewsFit, turns: Turns) -> Turns:
+    """Return turns levelled by a fit of the rests, if that holds more than the bias, which every rest tells alone."""
+    return turns.levelled(level.effects) if len(level.parameters) > len(parameters_of_effects([BIAS])) else turns
 
 
 def by_motion(extra: Extension, still: View) -> tuple[Extension, Extension]:
@@ -109,34 +119,31 @@ def by_motion(extra: Extension, still: View) -> tuple[Extension, Extension]:
     return Extension(extra.effects, rest), Extension(extra.effects, moving)
 
 
-def fit_turns(
-    turns: Turns, terms: Sequence[str], extra: Extension = NO_EXTENSION, undetermined: Collection[Parameter] = ()
-) -> ViewsFit:
-    """Fit the terms' parameters, and those of extra effects, to gravity after each turn.
+def fit_turns(turns: Turns, wanted: Sequence[Parameter], extra: Extension = NO_EXTENSION) -> ViewsFit:
+    """Fit parameters of gyroscopes, and those of extra effects, to gravity after each turn.
 
-    undetermined: parameters of the terms that are left out. Raises InputError where there are fewer turns than
-    parameters ask for, or none that tells some of them apart.
+    Raises InputError where there are fewer turns than parameters ask for, or none that tells some of them apart.
     """
-    view = gravity_after_turns(turns)
-    wanted = (*(p for t in terms for p in parameters(CATALOGUE[t]) if p not in undetermined), *extra.parameters)
-    if not wanted:
-        raise InputError(f"nothing in {number_of(len(view), 'turn')} shows any of {', '.join(terms)}: turn more often")
-    if 2 * len(view) < len(wanted):
+    view, every = gravity_after_turns(turns), (*wanted, *extra.parameters)
+    terms = ", ".join(dict.fromkeys(p.effect for p in every))
+    if not every:
+        raise InputError(f"nothing in {number_of(len(view), 'turn')} shows how gyroscopes read: turn more often")
+    if 2 * len(view) < len(every):
         raise InputError(
-            f"{number_of(len(view), 'turn')} for {number_of(len(wanted), 'parameter')} that are asked "
+            f"{number_of(len(view), 'turn')} for {number_of(len(every), 'parameter')} that are asked "
             "for: turn more often"
         )
-    sizes = [p for p in wanted if p not in extra.constants]  # a constant shows nothing before its effect has a size
+    sizes = [p for p in every if p not in extra.constants]  # a constant shows nothing before its effect has a size
     if not columns_are_independent(view.evaluate(extra.effects).jacobian(sizes).reshape(-1, len(sizes))):
-        raise InputError(f"nothing in {number_of(len(view), 'turn')} tells all of {', '.join(terms)} apart")
-    return fit([view], wanted, extra.effects, min_signal=LEAST_SIGNAL)
+        raise InputError(f"nothing in {number_of(len(view), 'turn')} tells all of {terms} apart")
+    return fit([view], every, extra.effects, min_signal=LEAST_SIGNAL)
 
 
-def undetermined_parameters(turns: Turns, accelerometers: Calibration, terms: Sequence[str]) -> tuple[Parameter, ...]:
-    r"""Return the parameters of the terms that the turns leave uncertain by more than any gyroscope is in error.
+def determined_parameters(turns: Turns, terms: Sequence[str]) -> tuple[Parameter, ...]:
+    r"""Return the parameters of the terms but those that turns leave uncertain by more than any gyroscope is in error.
 
     A unit that turned about one axis shows what all gyroscopes read of that rate, and next to nothing of the scale
-    factors of the others, for which a fit then returns any value. A parameter is undetermined where
+    factors of the others, for which a fit then returns any value. A parameter is not determined where
 
     .. math:: \sigma^2 (J^+ J^{+T})_{ii} + (J^+ N N^T J^{+T})_{ii} > 200^2 \quad \text{or} \quad
         (J^+ J)_{ii} < 1 - 10^{-6}
@@ -144,23 +151,16 @@ def undetermined_parameters(turns: Turns, accelerometers: Calibration, terms: Se
     with J the derivatives by prior sigmas about sensors without errors, N those of the nuisances, and sigma the rms of
     what a linear model leaves of the rows, at most `MAX_ASTRAY`, since a wrong range leaves more.
     """
-    rows = gravity_after_turns(turns, accelerometers).evaluate(())
-    wanted = tuple(p for t in terms for p in parameters(CATALOGUE[t]))
+    rows, wanted = gravity_after_turns(turns, ()).evaluate(()), parameters_of_effects(terms)
     J, r = rows.jacobian(wanted).reshape(-1, len(wanted)) * prior(wanted)[1], rows.residual.ravel()
     inverse = np.linalg.pinv(J, rcond=MIN_SINGULAR_RATIO)
     resolution = inverse @ J
     residual = r - J @ (inverse @ r)
     noise = min(float(np.sqrt(residual @ residual / max(len(r) - np.trace(resolution), 1.0))), MAX_ASTRAY)
     variance = noise**2 * (inverse**2).sum(axis=1)
-    if rows.nuisance is not None:
-        variance += ((inverse @ rows.nuisance.reshape(len(r), -1)) ** 2).sum(axis=1)
-    unclear = (variance > MAX_USUAL_SIGMAS**2) | (np.diag(resolution) < 1 - ROUNDING)
-    return tuple(p for p, each in zip(wanted, unclear, strict=True) if each)
-
-
-def with_reference_error(fitted: ViewsFit, turns: Turns, accelerometers: Calibration) -> ViewsFit:
-    """Return the fit with what the accelerometers' covariance adds to that of the estimate."""
-    return fitted.with_fixed_nuisances([gravity_after_turns(turns, accelerometers, fitted.effects)])
+    variance += ((inverse @ np.asarray(rows.nuisance).reshape(len(r), -1)) ** 2).sum(axis=1)
+    clear = (variance <= MAX_USUAL_SIGMAS**2) & (np.diag(resolution) >= 1 - ROUNDING)
+    return tuple(p for p, each in zip(wanted, clear, strict=True) if each)
 
 
 def view_at_rest(
@@ -187,7 +187,7 @@ def view_at_rest(
 
     def missed(at_rest: Sequence[Effect]) -> float:
         base = turns or turns_between_rests(recording, calibration)
-        return np.sqrt(2) * fit_turns(base.levelled(at_rest) if at_rest else base, GYROSCOPE_INPUT_TERMS).rms
+        return np.sqrt(2) * fit_turns(base.levelled(at_rest) if at_rest else base, LINEAR).rms
 
     noise = still.noise
     if noise.sigma is None or np.any(noise.sigma <= MIN_RATE_SIGMA):  # one row per dwell says nothing of its scatter
@@ -211,15 +211,16 @@ def view_of_turns(
     calibration = accelerometers or usual_accelerometers(recording)
     try:
         turns = turns_between_rests(recording, calibration)
-        turns = turns.levelled(at_rest) if at_rest else turns
-        level = level_of(rests_joined_by_turns(recording, calibration, turns), True)[0]
-        if not at_rest and len(level.parameters) > len(parameters(CATALOGUE[BIAS])):
-            turns = turns.levelled(level.effects)
+        turns = (
+            turns.levelled(at_rest)
+            if at_rest
+            else levelled_by(level_of(rests_joined_by_turns(recording, calibration, turns), True)[0], turns)
+        )
     except InputError:
         return None
     if len(turns.ends) < MIN_TURNS:
         return None
-    view = gravity_after_turns(with_headings(turns), calibration)
+    view = gravity_after_turns(with_headings(turns), ())
     return replace(view.without_nuisances(_scatter(view)), readout=_readout(view, turns))
 
 
@@ -231,7 +232,6 @@ def _readout(view: View, turns: Turns | None) -> Readout:
 
 def _scatter(view: View) -> float:
     """Scatter of turns about a linear model [rad], with all that the accelerometers leave open where enough is left."""
-    wanted = [p for i in GYROSCOPE_INPUT_TERMS for p in parameters(CATALOGUE[i])]
-    enough = len(wanted) + len(view.nuisances) + MIN_NUMBERS_LEFT <= 2 * len(view)
+    enough = len(LINEAR) + len(view.nuisances) + MIN_NUMBERS_LEFT <= 2 * len(view)
     free = tuple(replace(p, sigma=np.inf) for p in view.nuisances) if enough else ()
-    return max(fit([replace(view, nuisances=free)], wanted, min_signal=LEAST_SIGNAL).excess, 1e-150)
+    return max(fit([replace(view, nuisances=free)], LINEAR, min_signal=LEAST_SIGNAL).excess, 1e-150)

@@ -5,10 +5,9 @@ Reversed about the vertical, the horizontal part changes its sign and the bias d
 the vertical do. Two rests give six numbers for four unknowns, more rests test them. What gravity does to a gyroscope is
 part of its bias where it feels the same force in every rest, and is named there.
 
-Several minima of one fit: a nuisance that enters by sine and cosine may have a mirror image that fits as well.
-
-A fit is started from several values of such nuisances. Minima are distinct where a parameter moves by more than its
-sigma, and a minimum is not excluded while its chi^2 is less than `MAX_RISE` above the least,
+The heading enters by sine and cosine, and may have a mirror image that fits as well. So the fit is started from several
+headings. Minima are distinct where a parameter moves by more than its sigma, and a minimum is not excluded while its
+chi^2 is less than `MAX_RISE` above the least,
 
 .. math:: (\chi^2_k - \chi^2_0) / \max(1, \chi^2_0 / \nu) < 9 .
 
@@ -22,14 +21,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance, Residual
 from gimbalcal.calibration.provenance import AlternativeSolution, North
-from gimbalcal.effects import CATALOGUE, Parameter, parameters
+from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.inference.information import Unobservable, prior
-from gimbalcal.inference.p_value import probability
+from gimbalcal.inference.p_value import SIGNIFICANCE, probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Dwell, Recording, dwell_means, dwells
 from gimbalcal.recording.record import RATE
@@ -37,66 +37,10 @@ from gimbalcal.units import from_si
 from gimbalcal.views.core import View
 from gimbalcal.views.rest_rates import HEADING, rest_rates_on_gimbals
 
-MAX_RISE = 9.0  # of chi^2: three sigmas of one parameter
-
-
-def chi2_of_fit(fitted: ViewsFit) -> float:
-    """Return chi^2 of the rows."""
-    return float((fitted.whitened[1] ** 2).sum())
-
-
-def distinct_minima(
-    views: Sequence[View], wanted: Sequence[Parameter], starts: Sequence[Array]
-) -> tuple[ViewsFit, ...]:
-    """Return the distinct minima that the rows do not exclude, from several starts (p + m,), the likeliest first."""
-    fits = sorted((fit(views, wanted, start=x, min_signal=LEAST_SIGNAL) for x in starts), key=chi2_of_fit)
-    dof = sum(r.size for r in fits[0].residual) - len(fits[0].solution.x)
-    scale = max(1.0, chi2_of_fit(fits[0]) / max(dof, 1))
-    distinct: list[ViewsFit] = []
-    for f in fits:
-        another = all(np.any(np.abs(f.x - g.x) > np.minimum(f.sigmas, g.sigmas)) for g in distinct)
-        if f.steps and another and chi2_of_fit(f) - chi2_of_fit(fits[0]) < MAX_RISE * scale:
-            distinct.append(f)
-    mean, sigma = prior(wanted)
-    return tuple(sorted(distinct, key=lambda f: chi2_of_fit(f) / scale + (((f.x - mean) / sigma) ** 2).sum())) or (
-        fits[0],
-    )
-
-
-def entries_of_minima(solutions: Sequence[ViewsFit]) -> tuple[AlternativeSolution, ...] | None:
-    """Return the minima behind the first as they stand in calibration.json; None without any."""
-    out = [
-        AlternativeSolution(
-            chi2_of_fit(f) - chi2_of_fit(solutions[0]),
-            {p.label: float(from_si(x, p.unit)) for p, x in zip(f.parameters, f.x, strict=True)},
-        )
-        for f in solutions[1:]
-    ]
-    return tuple(out) or None
-
-
-def in_words(solutions: Sequence[ViewsFit], where: Sequence[str]) -> str:
-    """Return the sentence on minima behind the first, each with the nuisance it stands for; empty without any."""
-    if len(solutions) == 1:
-        return ""
-    first, each = solutions[0], []
-    for f, at in zip(solutions[1:], where[1:], strict=True):
-        moved = [i for i in range(len(f.x)) if abs(f.x[i] - first.x[i]) > min(f.sigmas[i], first.sigmas[i])]
-        terms = [
-            f"{p.label.replace('_', ' ').replace(':', ' ')} {from_si(f.x[i], p.unit):.4g} instead of "
-            f"{from_si(first.x[i], p.unit):.4g} {p.unit}"
-            for i, p in ((i, f.parameters[i]) for i in moved)
-        ]
-        each.append(f"{', '.join(terms)} with {at} instead of {where[0]}")
-    return (
-        f"a mirror solution fits as well: {'; or '.join(each)}; the data do not tell which is true, the one of smaller "
-        "biases is written"
-    )
-
-
 BIAS = "gyro_bias"
+HEADINGS = np.arange(8) * np.pi / 4  # rad, from which the fit is started
+MAX_RISE = 9.0  # of chi^2: three sigmas of one parameter
 MAX_NORTH_SIGMA_RAD = np.radians(20.0)  # one sigma of north beyond which the rests do not tell the Earth from the bias
-SIGNIFICANCE = 1e-3  # chance below which what is left is more than noise
 SAME_DIRECTION = 1e-3  # of gravity's direction: rests that differ by less feel the same force
 
 
@@ -125,16 +69,61 @@ def two_position(recording: Recording) -> Calibration:
             "[noise]"
         )
     sigma = sample / np.sqrt(dwell_means(recording).weight)[:, None] * np.ones((1, 3))
-    view, wanted = rest_rates_on_gimbals(recording, sigma), parameters(CATALOGUE[BIAS])
-    starts = [np.append(np.zeros(3), alpha) for alpha in np.arange(8) * np.pi / 4]
-    solutions = distinct_minima([view], wanted, starts)
-    best = solutions[0]
+    view = rest_rates_on_gimbals(recording, sigma)
+    minima = _distinct_minima(view)
+    best = minima[0]
     if not best.determined or best.nuisance(HEADING)[1][0] > MAX_NORTH_SIGMA_RAD:
         raise InputError(
             f"the {number_of(len(view), 'rest')} of {recording.title!r} do not tell the Earth's rate from the "
             "bias: reverse the unit by 180 deg about the vertical, or about east, and stay longer"
         )
-    return _calibration(solutions)
+    return _calibration(minima)
+
+
+def _chi2(fitted: ViewsFit) -> float:
+    """Return chi^2 of the rows."""
+    return float((fitted.whitened[1] ** 2).sum())
+
+
+def _moved(one: ViewsFit, other: ViewsFit) -> NDArray[np.bool_]:
+    """Return which parameters (p,) differ by more than a sigma."""
+    return np.abs(one.x - other.x) > np.minimum(one.sigmas, other.sigmas)
+
+
+def _distinct_minima(view: View) -> list[ViewsFit]:
+    """Return the distinct minima that the rows do not exclude, the likeliest first; the least where none converged."""
+    wanted = parameters(CATALOGUE[BIAS])
+    starts = (np.append(np.zeros(len(wanted)), heading) for heading in HEADINGS)
+    fits = sorted((fit([view], wanted, start=x, min_signal=LEAST_SIGNAL) for x in starts), key=_chi2)
+    least = _chi2(fits[0])
+    scale = max(1.0, least / max(fits[0].residual[0].size - len(fits[0].solution.x), 1))
+    distinct: list[ViewsFit] = []
+    for f in fits:
+        if f.steps and all(_moved(f, g).any() for g in distinct) and _chi2(f) - least < MAX_RISE * scale:
+            distinct.append(f)
+    mean, sigma = prior(wanted)
+    distinct.sort(key=lambda f: _chi2(f) / scale + (((f.x - mean) / sigma) ** 2).sum())
+    return distinct or fits[:1]
+
+
+def _mirror_in_words(minima: Sequence[ViewsFit]) -> str:
+    """Return the sentence on minima behind the first, each with its heading; empty without any."""
+    (first, *others), each = minima, []
+    where = [f"the x axis {_azimuth_of_base(f):.4g} deg east of north" for f in minima]
+    for f, at in zip(others, where[1:], strict=True):
+        terms = [
+            f"{p.label.replace('_', ' ').replace(':', ' ')} {from_si(x, p.unit):.4g} instead of "
+            f"{from_si(x0, p.unit):.4g} {p.unit}"
+            for p, x, x0, moved in zip(f.parameters, f.x, first.x, _moved(f, first), strict=True)
+            if moved
+        ]
+        each.append(f"{', '.join(terms)} with {at} instead of {where[0]}")
+    if not each:
+        return ""
+    return (
+        f"a mirror solution fits as well: {'; or '.join(each)}; the data do not tell which is true, the one of smaller "
+        "biases is written; a rest turned about the vertical tells"
+    )
 
 
 def _sample_sigma(rate: Array, weight: Array, rests: Sequence[Dwell]) -> float:
@@ -150,10 +139,10 @@ def _azimuth_of_base(fitted: ViewsFit) -> float:
     return float(from_si((fitted.nuisance(HEADING)[0][0] + np.pi) % (2 * np.pi) - np.pi, "deg"))
 
 
-def _calibration(solutions: Sequence[ViewsFit]) -> Calibration:
-    best = solutions[0]
+def _calibration(minima: Sequence[ViewsFit]) -> Calibration:
+    best = minima[0]
     heading_sigma = float(best.nuisance(HEADING)[1][0])
-    chi2, dof = chi2_of_fit(best), best.residual[0].size - len(best.solution.x)
+    chi2, dof = _chi2(best), best.residual[0].size - len(best.solution.x)
     chance = probability(chi2, dof)
     inflation = chi2 / dof if chance < SIGNIFICANCE else 1.0
     covariance = inflation * best.covariance
@@ -163,8 +152,7 @@ def _calibration(solutions: Sequence[ViewsFit]) -> Calibration:
         f"{number_of(len(best.residual[0]), 'rest')}; the base's x axis points {east:.4g} +- {off:.2g} deg "
         f"east of north; what is left is {times:.2g} times the noise"
     )
-    outcome = in_words(solutions, [f"the x axis {_azimuth_of_base(f):.4g} deg east of north" for f in solutions])
-    sentences = [f"{outcome}; a rest turned about the vertical tells"] if outcome else []
+    sentences = [_mirror_in_words(minima)]
     if chance < SIGNIFICANCE:
         worst = int(np.argmax(np.abs(best.residual[0]).max(axis=1)))
         surprise = f"= {chance:.1g}" if chance > 1e-12 else "< 1e-12"
@@ -174,11 +162,17 @@ def _calibration(solutions: Sequence[ViewsFit]) -> Calibration:
             "gravity acts on the gyroscopes"
         )
     options = Options(direction=DIRECTION, frame="the gimbals' platform", in_words=words, north=North(east, off))
+    mirrors = [
+        AlternativeSolution(
+            _chi2(f) - chi2, {p.label: float(from_si(x, p.unit)) for p, x in zip(f.parameters, f.x, strict=True)}
+        )
+        for f in minima[1:]
+    ]
     return best.calibration(
-        "two-position", Residual(chi2, dof, {RATE: best.rms}), outcome="; ".join(sentences), covariance=covariance,
-        unobservable=(*best.unobservable, *_name_confounded_sensitivity(best.views[0])),
+        "two-position", Residual(chi2, dof, {RATE: best.rms}), outcome="; ".join(filter(None, sentences)),
+        covariance=covariance, unobservable=(*best.unobservable, *_name_confounded_sensitivity(best.views[0])),
         provenance=Provenance(recordings=best.views[0].source.source, options=options,
-                              other_solutions=entries_of_minima(solutions)),
+                              other_solutions=tuple(mirrors) or None),
         stages=(replace(best.stage("two positions", words), sigmas=np.sqrt(np.diag(covariance))),),
     )  # fmt: skip
 

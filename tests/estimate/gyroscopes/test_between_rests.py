@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimbalcal.effects import Effect, with_values
+from gimbalcal.effects import Effect, parameters_of_effects, with_values
 from gimbalcal.effects.gyroscope import (
     GyroBias,
     GyroMisalignment,
@@ -94,6 +94,16 @@ def test_a_unit_that_turned_about_one_axis_shows_no_scale_of_the_other_gyroscope
     assert "turn the unit farther about x and z too" in made.outcome
 
 
+def test_what_one_axis_does_not_show_stays_out_when_a_further_term_is_taken_up():
+    """The nonlinearity of the gyroscopes across came back with the asymmetry that was taken up after it."""
+    further = GyroScaleNonlinearity(K=np.array([0.0, 0.02, 0.0])), GyroScaleAsymmetry(A=np.array([0.0, 0.02, 0.0]))
+    recording = hand((*TRUTH, *further), 5e-3, count=40, wobble=0.003)
+    made = gyroscopes_between_rests(recording, multiposition(recording, ("bias",)))
+    names = [p.label for p in made.parameters if p.effect in {e.id for e in further}]
+    assert names == ["gyro_scale_nonlinearity:y", "gyro_scale_asymmetry:y"]
+    assert np.all(np.abs(made.values - truth_of((*TRUTH, *further), made)) < 4 * made.sigmas)
+
+
 def test_a_wrong_range_is_no_reason_to_call_a_scale_undetermined():
     doubled = (GyroScaleFactor(s=np.array([1.0, 1.0, 1.0])),)
     recording = hand(doubled, 2e-3)
@@ -112,7 +122,7 @@ def test_a_recording_may_begin_while_the_unit_moves():
 def test_derivative_is_that_of_a_difference():
     recording = hand(TRUTH, 0.0, count=8)
     turned = turns_between_rests(recording, multiposition(recording, ("bias",)))
-    view, wanted = gravity_after_turns(turned), fit_turns(turned, LINEAR).parameters
+    view, wanted = gravity_after_turns(turned), fit_turns(turned, parameters_of_effects(LINEAR)).parameters
     x = np.full(len(wanted), 0.01)
     J = view.linearised(with_values((), wanted, x), wanted)[1]
     h = 1e-6
@@ -167,7 +177,7 @@ def test_rotation_between_the_triads_comes_out_of_the_misalignments():
     x = np.array([*(SF - 1), -C[0, 2], C[0, 1], -C[1, 0], C[1, 2], -C[2, 1], C[2, 0]])
     recording = hand(TRUTH, 0.0, count=8)
     turned = turns_between_rests(recording, multiposition(recording, ("bias",)))
-    estimate = dict(zip(fit_turns(turned, LINEAR).parameters, x, strict=True))
+    estimate = dict(zip(fit_turns(turned, parameters_of_effects(LINEAR)).parameters, x, strict=True))
     np.testing.assert_allclose(poses._inter_triad(estimate), angles, atol=1e-14)  # an exact factorisation
     np.testing.assert_allclose(euler_angles(triad_rotation(angles)), angles, atol=1e-15)
 

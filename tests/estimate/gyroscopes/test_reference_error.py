@@ -8,8 +8,9 @@ import pytest
 from gimbalcal.effects import with_values
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
 from gimbalcal.estimate.gyroscopes.between_rests import LINEAR, gyroscopes_between_rests
-from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import fit_turns, with_reference_error
-from gimbalcal.views.turns import turns_between_rests
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import LINEAR as LINEAR_PARAMETERS
+from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import fit_turns
+from gimbalcal.views.turns import gravity_after_turns, turns_between_rests
 from tests.estimate.gyroscopes.test_between_rests import TRUTH, hand
 
 
@@ -20,10 +21,10 @@ def test_the_estimate_moves_as_the_accelerometers_do():
     shift = np.array([5e-3, -3e-3, 4e-3])
     moved = replace(accelerometers, effects=with_values(accelerometers.effects, accelerometers.parameters,
                                                         accelerometers.values + shift))  # fmt: skip
-    before, after = (fit_turns(turns_between_rests(recording, a), LINEAR) for a in (accelerometers, moved))
+    before, after = (fit_turns(turns_between_rests(recording, a), LINEAR_PARAMETERS) for a in (accelerometers, moved))
     known = replace(accelerometers, covariance=np.outer(shift, shift) + 1e-16 * np.eye(3))
-    turns = turns_between_rests(recording, accelerometers)
-    added = with_reference_error(before, turns, known).covariance - before.covariance
+    turns = replace(turns_between_rests(recording, accelerometers), accelerometers=known)
+    added = before.with_fixed_nuisances([gravity_after_turns(turns, before.effects)]).covariance - before.covariance
     np.testing.assert_allclose(np.sqrt(np.diag(added)), np.abs(after.x - before.x), rtol=0.02, atol=1e-6)
     assert np.linalg.matrix_rank(added, tol=1e-3 * np.trace(added)) == 1
 

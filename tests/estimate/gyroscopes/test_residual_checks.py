@@ -38,7 +38,7 @@ def test_gyroscopes_that_their_model_explains_are_not_complained_of():
     made = calibrated(turned())
     assert made.outcome == ""
     turns = turns_between_rests(turned(), made)
-    stated = turn_sigma(turns, made, np.zeros((1, 3)))
+    stated = turn_sigma(turns, np.zeros((1, 3)))
     assert made.residual.rms["gravity_direction"] == pytest.approx(stated, rel=0.4)  # 48 numbers, 9 of them fitted
 
 
