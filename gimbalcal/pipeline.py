@@ -134,8 +134,7 @@ def _three_stages(recordings: Sequence[Recording], progress: Progress, more: Seq
     wanted = (*static_parameters(at_rest), *extra.shown(at_rest.recording.why_not_shown).parameters)
     absent = tuple(e for e in extra.effects if e.id not in {o.id for o in both.effects})
     both = replace(both, effects=(*both.effects, *absent))
-    device_level, system_level, solution = both_levels(positions, at_rest, both.effects, wanted)
-    third = fuse_stages(device_level, system_level, both, solution)
+    third = fuse_stages(both, *both_levels(positions, at_rest, both.effects, wanted))
     alone = calibrate_static_run(at_rest).stages
     return extra.complete(replace(third, method="three-stage", stages=(*stages, *alone, *third.stages)))
 

@@ -40,7 +40,7 @@ def test_static_run():
     scale = np.array([q.sigma for q in o.parameters])
     assert run.channels == o.view.channels
     same(run.residual(), o.residual * o.sigma)
-    same(run.jacobian((), o.parameters), o.Z * o.sigma[:, None] / scale)
+    same(run.rows().jacobian(o.parameters), o.Z * o.sigma[:, None] / scale)
     by_quantity = jacobian(recording.platform, run.stimulus, (), o.parameters, "static-run")
     forces = run.columns("specific_force")
-    same(run.jacobian((), o.parameters)[:, forces], by_quantity["specific_force"])
+    same(run.rows().jacobian(o.parameters)[:, forces], by_quantity["specific_force"])

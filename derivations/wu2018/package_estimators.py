@@ -253,10 +253,10 @@ def phase_of_force() -> float:
     return float(np.abs(np.exp(1j * found) - np.exp(1j * PHASES)).max())
 
 
-@checks(SOURCE, "Eq. (19)", where="readings.readings", tolerance=1e-11)
+@checks(SOURCE, "Eq. (19)", where="views.known_attitude.readings", tolerance=1e-11)
 def means_of_force() -> float:
     """Means of (19) over m samples must come back as (19) at their middle."""
-    from gimbalcal.readings import readings
+    from gimbalcal.views.known_attitude import readings
 
     m, n, step = 20, 48, 60.0
     fine = EARTH * step * (np.arange(m) - (m - 1) / 2)
@@ -270,7 +270,7 @@ def means_of_force() -> float:
 @once
 def _run() -> Any:
 
-    from gimbalcal.readings import readings
+    from gimbalcal.views.known_attitude import readings
 
     run = readings(_static(PHASES))
     return replace(run, sigma=np.full(run.value.shape, 1e-8))

@@ -2,12 +2,16 @@ r"""Forces, and what else is read, of a platform whose attitude is known: dwells
 
 The rows of `forward.linearise` about a fitted baseline are put in units of one sigma of a row: residuals (n, C) and the
 sensitivity of every channel to every stage, from which the column of any candidate is one product.
+
+Rows may be means over blocks of time. Gimbal angles and attitude errors are as good as linear over a minute; the
+specific force of an inertially fixed platform turns with the Earth, and what the mean of a turning vector loses is put
+back. Without a readout of its platform gimbal the force itself tells the phase of a static run.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -16,16 +20,16 @@ from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_v
 from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.effects.process import SettingError
 from gimbalcal.errors import InputError
-from gimbalcal.forward import Rows
+from gimbalcal.forward import AXES, Rows, difference, linearise, predict, wanted_channels
+from gimbalcal.inference.algebra import unit_columns
 from gimbalcal.inference.information import information, solve
 from gimbalcal.inference.noise_processes import one_sigma
-from gimbalcal.kinematics import refuse_other_platform
+from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus_from_readings, with_phase_of_force
 from gimbalcal.number import Array
-from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording, block_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise_levels import SETTING_SIGMA_RAD, header_noise, sample_sigma
-from gimbalcal.recording.record import FORCE, SENSOR_OF
+from gimbalcal.recording.record import FORCE, SENSOR_OF, Key
 from gimbalcal.views.core import Fit, Measurement, View, recording_fields
 from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
@@ -37,6 +41,75 @@ BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 1
 NOISELESS = 1e-11  # of gravity: what a simulation without noise leaves
 STUCK_SIGMA = 1e-15  # one sigma of a channel that always reads the same, SI
 MOST_ROWS = 4000  # of a static run: 48 h come as minute means, and half a gigabyte of columns is enough
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """C channels of n rows as they were read, with one sigma of each and what the hardware experienced.
+
+    value (n, C) in SI; sigma (n, C), ones where nobody has said yet.
+    """
+
+    recording: Recording
+    stimulus: Stimulus
+    channels: tuple[Key, ...]
+    value: Array
+    sigma: Array
+
+    @property
+    def phase(self) -> Array:
+        """Sidereal angle S_t (n,) [rad] of a static run."""
+        return np.arctan2(self.stimulus.force[:, 1], self.stimulus.force[:, 0])
+
+    @property
+    def direction(self) -> Array:
+        """Ideal specific force in units of gravity (n, 3)."""
+        return np.asarray(self.stimulus.force / self.stimulus.gravity)
+
+    def rows(self, effects: Sequence[Effect] = (), stages: Iterable[Stage] = Stage) -> Rows:
+        """The rows about a model: residuals and sensitivities in SI."""
+        platform = self.recording.platform
+        return linearise(platform, self.stimulus, effects, self.recording.kind, self.channels, self.value, stages)
+
+    def predicted(self, effects: Sequence[Effect] = ()) -> Array:
+        """Return the readings (n, C) that the model predicts."""
+        platform = self.recording.platform
+        return wanted_channels(platform, predict(platform, self.stimulus, effects, self.recording.kind), self.channels)
+
+    def residual(self, effects: Sequence[Effect] = ()) -> Array:
+        """Read minus predicted (n, C); angles within half a turn."""
+        return difference(self.value, self.predicted(effects), self.channels)
+
+    def columns(self, quantity: str) -> list[int]:
+        """Indices of the channels of one quantity."""
+        return [i for i, (q, _) in enumerate(self.channels) if q == quantity]
+
+
+def readings(recording: Recording) -> Readings:
+    """The readings of a recording, of one sigma each. Raises InputError where the model predicts nothing in it."""
+    if recording.kind.stabilised:
+        refuse_other_platform(recording)
+    channels = measured_channels(recording)
+    if recording.kind.stabilised and ("gimbal_angle", "platform") not in channels:
+        recording = with_phase_of_force(recording)
+    s = stimulus_from_readings(recording)
+    value = np.stack([recording.channels[key] for key in channels], axis=1)
+    out = Readings(recording, s, channels, value, np.ones(value.shape))
+    force = out.columns("specific_force")
+    if recording.kind.stabilised and force:
+        lost = lost_to_averaging(recording, s.force)
+        value[:, force] += lost[:, ["xyz".index(channels[i][1]) for i in force]]
+    return out
+
+
+def measured_channels(recording: Recording) -> tuple[Key, ...]:
+    """Return the channels of a recording that the forward model predicts for its kind."""
+    axes = {**AXES, "gimbal_angle": recording.platform.axis_names}
+    keys = [(q, a) for q in recording.kind.predicted for a in axes[q]]
+    logged = tuple(key for key in keys if key in recording.channels)
+    if not logged:
+        raise InputError(f"{recording.title!r} has no {' and no '.join(recording.kind.predicted)} channel")
+    return logged
 
 
 def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), known: Sequence[Effect] = ()) -> View:
@@ -181,7 +254,7 @@ def at_rest(recording: Recording) -> Recording:
 
 def refuse_too_little(title: str, Z: Array) -> None:
     """Raise InputError where the constants of the model, columns Z (N, q), take up all N numbers."""
-    if len(Z) <= Z.shape[-1] and np.linalg.matrix_rank(Z / (np.linalg.norm(Z, axis=0) + 1e-300)) == len(Z):
+    if len(Z) <= Z.shape[-1] and np.linalg.matrix_rank(unit_columns(Z)[0]) == len(Z):
         raise InputError(
             f"{title!r} gives {len(Z)} numbers, and the constants of the model take up {len(Z)} of them: "
             "nothing is left to compare; record more positions, or for longer"

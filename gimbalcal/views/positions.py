@@ -22,13 +22,12 @@ from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.sensor_grades import GRADES, Grade
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
-from gimbalcal.readings import readings
 from gimbalcal.recording import Recording, Site, dwell_means
 from gimbalcal.recording.kinds import MULTI_POSITION
 from gimbalcal.recording.record import FORCE
 from gimbalcal.schedule import Schedule
 from gimbalcal.views.core import View
-from gimbalcal.views.known_attitude import view_of_readings
+from gimbalcal.views.known_attitude import readings, view_of_readings
 from gimbalcal.views.local import VisitRows, group_means
 from gimbalcal.views.noise import NoiseModel
 

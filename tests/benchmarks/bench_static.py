@@ -29,7 +29,6 @@ from gimbalcal.estimate.static_run.combined_coefficients import (
     coefficient_matrix,
 )
 from gimbalcal.estimate.static_run.force_filter import (
-    accumulated_information,
     estimate_state,
     observation_matrix,
     projection,
@@ -41,8 +40,8 @@ from gimbalcal.inference.harmonics import columns, design_matrix
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
-from gimbalcal.readings import Readings
 from gimbalcal.recording import Recording, Site
+from gimbalcal.views.known_attitude import Readings
 from tests.estimate.static_runs import TABLE_2_3
 from tests.stimuli import LATITUDE, G
 
@@ -148,7 +147,7 @@ def every_sample(hours: float, rate: float, seed: int) -> tuple[Array, Array, Ar
     H = observation_matrix(direction)
     truth = (coefficient_matrix(LATITUDE, G, PARAMETERS) @ values(TABLE_2_3, PARAMETERS))[0]
     z = (projection(d, direction, G), squared_norm(G * direction + d, G), squared_norm(G * direction + d, G, sigma))
-    x1 = np.array([estimate_state(accumulated_information(one, H, (SIGMA / G) ** 2)).x[0] - truth for one in z])
+    x1 = np.array([estimate_state(one, H, (SIGMA / G) ** 2).x[0] - truth for one in z])
     return errors(run, made)[:, 0], errors(blocks(hours, rate), means)[:, 0], x1
 
 

@@ -10,10 +10,9 @@ from gimbalcal.earth import G0 as G
 from gimbalcal.effects import parameters, with_values
 from gimbalcal.effects.accelerometer import Bias, ScaleFactor
 from gimbalcal.estimate.fit import fit
-from gimbalcal.readings import readings
 from gimbalcal.schedule import EIGHTEEN_POSITIONS
 from gimbalcal.views.core import nuisance
-from gimbalcal.views.known_attitude import view_of_readings
+from gimbalcal.views.known_attitude import readings, view_of_readings
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.positions import planned_recording
 

@@ -52,13 +52,17 @@ def sigma_of(c, direction):
     return float(np.sqrt(w @ c.covariance @ w))
 
 
+def fused_levels(device, level, first):
+    return fuse_stages(first, solve(device + level), solve(device), solve(level))
+
+
 def fused(seed, noisy=True):
     rng = np.random.default_rng(seed + 100) if noisy else None
     true = truth(seed)
     d = device(true, rng)
     recording = run(true, rng)
     first = before(d)
-    return first, fuse_stages(d, static_information(recording, true), first), true
+    return first, fused_levels(d, static_information(recording, true), first), true
 
 
 def test_the_stage_says_what_the_static_run_gains():
@@ -129,7 +133,7 @@ def test_contradicting_stages_are_told():
     x = values(true, eighteen_coefficients())
     x[0] += 20e-6  # the scale factor of x moved by 20 ppm between the stages
     moved = with_values((), eighteen_coefficients(), x, NAMES)
-    both = fuse_stages(d, static_information(run(moved, rng), moved), before(d))
+    both = fused_levels(d, static_information(run(moved, rng), moved), before(d))
     golden_text(both.outcome)
 
 

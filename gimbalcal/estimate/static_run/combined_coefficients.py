@@ -39,7 +39,7 @@ from gimbalcal.inference.coloured import least_squares
 from gimbalcal.inference.harmonics import design_matrix, fourier, labels
 from gimbalcal.inference.information import Solution, information, solve
 from gimbalcal.number import Array
-from gimbalcal.readings import Readings
+from gimbalcal.views.known_attitude import Readings
 
 ORDERS = (0, 1, 2)
 # the bends of x and y make a third harmonic, K g C^2 / 4, that must not pass for coloured noise
@@ -50,13 +50,12 @@ MEANS = ("phi_0", "theta_0")  # base tilt and readout zeros go into these and in
 
 @dataclass(frozen=True, eq=False)
 class Combined:
-    """Combined coefficients [rad]: values (q,) with covariance from each channel alone, and from the joint fit."""
+    """Combined coefficients [rad]: values (q,) with covariance from each channel alone, and values of the joint fit."""
 
     names: tuple[str, ...]
     value: Array
     covariance: Array
     fit: Array
-    fit_covariance: Array
 
     @property
     def sigma(self) -> Array:
@@ -92,7 +91,7 @@ def _force_operator(run: Readings) -> Operator:
     columns, g, u = run.columns("specific_force"), run.stimulus.gravity, run.direction
     H = force_filter.observation_matrix(u)
     variance = ((u * run.sigma[:, columns] / g) ** 2).sum(axis=1)
-    P = force_filter.estimate_state(force_filter.accumulated_information(np.zeros(len(H)), H, variance)).P
+    P = force_filter.estimate_state(np.zeros(len(H)), H, variance).P
     gain = P @ (H / variance[:, None]).T
 
     def apply(d: Array) -> Array:
@@ -114,34 +113,21 @@ def _attitude_operator(run: Readings, i: int, name: str, y: Array, drift: int, n
 
 
 def fit_combined(
-    run: Readings,
-    effects: Sequence[Effect],
-    fitted: Sequence[Effect],
-    solution: Solution,
-    J: Array,
-    drift: int = 1,
-    noise: str = "auto",
+    run: Readings, effects: Sequence[Effect], fitted: Sequence[Effect], drift: int = 1, noise: str = "auto"
 ) -> Combined:
-    """Coefficients of a run's departures from `effects`, and what the joint fit (`fitted`, `solution`) makes of them.
+    """Coefficients of a run's departures from `effects`, and what the effects of the joint fit make of them.
 
-    J (n, c, p): the Jacobian that the solution was found with. The joint fit's value is the difference of two exact
-    predictions through the same operators, so the two methods differ by noise and by nothing else, with variance
-    covariance - fit_covariance.
+    The joint fit's value is the difference of two exact predictions through the same operators, so the two methods
+    differ by noise and by nothing else.
     """
     d = run.residual(effects)
     explained = d - run.residual(fitted)
     parts = channel_operators(run, effects, drift, noise)
-    if not parts:
-        empty = np.zeros(0)
-        return Combined((), empty, np.zeros((0, 0)), empty, np.zeros((0, 0)))
-    L = np.concatenate([p.apply(J[:, p.channels]) for p in parts])
-    return Combined(
-        tuple(name for p in parts for name in p.names),
-        np.concatenate([p.apply(d[:, p.channels, None])[:, 0] for p in parts]),
-        block_diagonal([p.covariance for p in parts]),
-        np.concatenate([p.apply(explained[:, p.channels, None])[:, 0] for p in parts]),
-        L @ solution.covariance @ L.T,
+    own, joint = (
+        np.concatenate([np.zeros(0), *(p.apply(x[:, p.channels, None])[:, 0] for p in parts)]) for x in (d, explained)
     )
+    names = tuple(name for p in parts for name in p.names)
+    return Combined(names, own, block_diagonal([np.zeros((0, 0)), *(p.covariance for p in parts)]), joint)
 
 
 def coefficient_matrix(latitude: float, gravity: float, wanted: Sequence[Parameter]) -> Array:

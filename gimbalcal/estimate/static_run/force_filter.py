@@ -10,9 +10,9 @@ scale-factor error; it also keeps :math:`\tfrac12 |\Delta f|^2`. The linear part
 
 The five states are constants without process noise. `kalman` is the filter of the paper, filterpy's square-root form
 over minute means of Eq. (20): it shows how the states converge. Its last estimate is that of the information form,
-`estimate_state`, which adds up :math:`H^T H` and :math:`H^T z` over rows in any order and any number of pieces: of the
-same observations equal to 1e-9 sigma, and a thousand times faster. The information form takes the projection and serves
-the combined coefficients; `convergence_history` runs the filter and holds its end against it. The columns of H are of
+`estimate_state`, which adds up :math:`H^T H` and :math:`H^T z` over rows in any order: of the same observations equal
+to 1e-9 sigma, and a thousand times faster. The information form takes the projection and serves the combined
+coefficients; `convergence_history` runs the filter and holds its end against it. The columns of H are of
 order one with a condition below ten, so nothing is lost in the squares.
 """
 
@@ -46,15 +46,6 @@ class ForceState(NamedTuple):
         return np.sqrt(np.diag(self.P))
 
 
-class ForceInformation(NamedTuple):
-    """Sums over observations, each over its variance: H^T H (5, 5), H^T z (5,), z^2 and their number."""
-
-    HH: Array
-    Hz: Array
-    zz: float
-    rows: int
-
-
 def observation_matrix(direction: Array) -> Array:
     """H (n, 5) of Eq. (27) for the ideal specific force in units of g (n, 3)."""
     fx, fy = direction[..., 0], direction[..., 1]
@@ -66,19 +57,13 @@ def projection(departure: Array, direction: Array, gravity: float) -> Array:
     return np.asarray((departure * direction).sum(axis=-1) / gravity)
 
 
-def accumulated_information(z: Array, H: Array, variance: Array | float) -> ForceInformation:
-    """Information of rows z (n,), H (n, 5) with variance (n,) or one number."""
+def estimate_state(z: Array, H: Array, variance: Array | float) -> ForceState:
+    """Return the state by the information form from rows z (n,), H (n, 5) with variance (n,) or one number."""
     root = 1 / np.sqrt(np.broadcast_to(np.asarray(variance, dtype=float), z.shape))
     A, b = H * root[:, None], z * root
-    return ForceInformation(A.T @ A, A.T @ b, float(b @ b), len(z))
-
-
-def estimate_state(total: ForceInformation, prior_sigma: float = PRIOR_SIGMA) -> ForceState:
-    """State from accumulated information and a prior of zero mean."""
-    P = np.linalg.inv(total.HH + np.eye(5) / prior_sigma**2)
-    x = P @ total.Hz
-    chi2 = total.zz - 2 * x @ total.Hz + x @ total.HH @ x
-    return ForceState(x, (P + P.T) / 2, float(chi2), total.rows)
+    P = np.linalg.inv(A.T @ A + np.eye(5) / PRIOR_SIGMA**2)
+    x = P @ (A.T @ b)
+    return ForceState(x, (P + P.T) / 2, float(((b - A @ x) ** 2).sum()), len(z))
 
 
 def squared_norm(force: Array, gravity: float, sigma: Array | float = 0.0) -> Array:
@@ -89,9 +74,7 @@ def squared_norm(force: Array, gravity: float, sigma: Array | float = 0.0) -> Ar
     return np.asarray(((force**2).sum(axis=-1) / gravity**2 - 1) / 2 - 1.5 * np.square(np.asarray(sigma) / gravity))
 
 
-def kalman(
-    z: Array, H: Array, variance: Array | float, prior_sigma: float = PRIOR_SIGMA
-) -> tuple[ForceState, Array, Array]:
+def kalman(z: Array, H: Array, variance: Array | float) -> tuple[ForceState, Array, Array]:
     """Return the state x1 ... x5, row by row: five constant states, one scalar measurement z = H x + v a row.
 
     Returns the last state, and estimates and sigmas (m, 5) after each of the m measured rows. Square-root form: in the
@@ -101,7 +84,7 @@ def kalman(
     from filterpy.kalman import SquareRootKalmanFilter
 
     f = SquareRootKalmanFilter(dim_x=5, dim_z=1)
-    f.x, f.P = np.zeros((5, 1)), np.eye(5) * prior_sigma**2
+    f.x, f.P = np.zeros((5, 1)), np.eye(5) * PRIOR_SIGMA**2
     R = np.broadcast_to(np.asarray(variance, dtype=float), z.shape)
     rows = np.flatnonzero(np.isfinite(z))
     x, sigma = np.empty((len(rows), 5)), np.empty((len(rows), 5))
@@ -137,8 +120,8 @@ def convergence_history(time: Array, departure: Array, direction: Array, sigma: 
     z = squared_norm(gravity * direction + departure, gravity, noise)
     when, mean, mean_H, mean_variance = minute_means(time, z, H, variance)
     end, x, sigmas = kalman(mean, mean_H, mean_variance)
-    closed = estimate_state(accumulated_information(projection(departure, direction, gravity), H, variance))
-    squares = estimate_state(accumulated_information(z - projection(departure, direction, gravity), H, variance)).x
+    closed = estimate_state(projection(departure, direction, gravity), H, variance)
+    squares = estimate_state(z - projection(departure, direction, gravity), H, variance).x
     difference = (end.x - closed.x) / closed.sigma
     beyond = np.abs(difference - squares / closed.sigma)
     worst, minutes = int(np.argmax(np.abs(difference))), float(np.median(np.diff(when))) / 60

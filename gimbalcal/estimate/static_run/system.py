@@ -25,7 +25,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, with_values
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters_of_effects, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.fit_summary import joined_sentences, misfit_in_words
@@ -35,14 +35,13 @@ from gimbalcal.estimate.fit import fit, information_of
 from gimbalcal.estimate.sharing import agreement_test
 from gimbalcal.estimate.static_run.combined_coefficients import Combined, fit_combined
 from gimbalcal.estimate.static_run.force_filter import convergence_history
-from gimbalcal.inference.information import Information, Solution, solve
+from gimbalcal.inference.information import Solution, solve
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
-from gimbalcal.readings import Readings, readings
 from gimbalcal.recording import Recording
 from gimbalcal.recording.noise_levels import header_noise, sample_sigma
 from gimbalcal.views.core import View
-from gimbalcal.views.known_attitude import view_of_readings
+from gimbalcal.views.known_attitude import Readings, readings, view_of_readings
 from gimbalcal.views.noise import NoiseModel
 
 MAX_REDUCED_CHI2 = 1.1  # chi^2 per degree of freedom: the header's sigma is not known better than to 5 %
@@ -83,20 +82,17 @@ def _sigmas(run: Readings) -> Array:
     return np.asarray(one / np.sqrt(run.recording.weight)[:, None])
 
 
-def static_parameters(run: Readings, ids: Sequence[str] = BASELINE["static-run"]) -> tuple[Parameter, ...]:
-    """Parameters of the named effects; a gimbal that was not read has no zero, but the inner one is servoed to its.
+def static_parameters(run: Readings) -> tuple[Parameter, ...]:
+    """Parameters of the baseline; a gimbal that was not read has no zero, but the inner one is servoed to its.
 
     Of the platform's turn about the pole nothing is known beforehand: it is counted from S_t, whose constant is what
     the platform gimbal reads on average, zero and tilts included. Its size tells nothing of these.
     """
-    r = run.recording
-    wanted = [_free(r.grade.usual(p)) for i in ids for p in parameters(CATALOGUE[i], r.platform.axis_names)]
+    grade, names = run.recording.grade, run.recording.platform.axis_names
+    usual = map(grade.usual, parameters_of_effects(BASELINE["static-run"], names))
     zeros = {axis for quantity, axis in run.channels if quantity == "gimbal_angle"} | {"inner"}
-    return tuple(p for p in wanted if p.effect != "gimbal_zero" or p.axis in zeros)
-
-
-def _free(p: Parameter) -> Parameter:
-    return replace(p, sigma=PHASE_SIGMA_RAD) if p.label == PHASE else p
+    read = (p for p in usual if p.effect != "gimbal_zero" or p.axis in zeros)
+    return tuple(replace(p, sigma=PHASE_SIGMA_RAD) if p.label == PHASE else p for p in read)
 
 
 def static_view_with(run: Readings, more: Sequence[ExtraEffect]) -> View:
@@ -117,8 +113,7 @@ def calibrate_static_run(
     wanted = static_parameters(run) if wanted is None else wanted
     fitted = fit([static_view(run, wanted)], wanted, start)
     solution, effects = fitted.solution, fitted.effects
-    J = run.jacobian(effects, solution.parameters)
-    stages = [stage(run, effects, fit_combined(run, start, effects, solution, J))]
+    stages = [stage(run, effects, fit_combined(run, start, effects))]
     if len(columns := run.columns("specific_force")) == 3:  # the paper's filter takes all axes
         departure, sigma = run.residual(start)[:, columns], run.sigma[:, columns]
         stages.append(convergence_history(run.stimulus.time, departure, run.direction, sigma, run.stimulus.gravity))
@@ -163,8 +158,8 @@ SIGNIFICANCE = 1e-4  # probability below which two stages that are both right wo
 
 def both_levels(
     positions: Positions, run: Readings, effects: Sequence[Effect], wanted: Sequence[Parameter]
-) -> tuple[Information, Information, Solution]:
-    """Fit positions and a static run together, and return the information of each about its parameters there.
+) -> tuple[Solution, Solution, Solution]:
+    """Fit positions and a static run together, and return the solution, and what each alone says about its parameters.
 
     The base tilt and whatever else is of the run alone does not act in the positions. `effects` are where the fit
     begins.
@@ -172,20 +167,16 @@ def both_levels(
     device, level, mine = positions.view, static_view(run, wanted), positions.fit.parameters
     fitted = fit([device, level], tuple(dict.fromkeys((*mine, *wanted))), effects)
     own = information_of([device], fitted.effects, mine, fitted.local[:1])
-    return own, information_of([level], fitted.effects, wanted), fitted.solution
+    return fitted.solution, solve(own), solve(information_of([level], fitted.effects, wanted))
 
 
-def fuse_stages(
-    device: Information, static: Information, before: Calibration, together: Solution | None = None
-) -> Calibration:
-    """Add device-level and static-run information about common parameters, and solve, unless the solution is given.
+def fuse_stages(before: Calibration, together: Solution, device: Solution, static: Solution) -> Calibration:
+    """Return the calibration of the solution of both stages together, beside what each says alone about the same point.
 
-    device, static: linearised at the same effects; `before` is the device-level calibration, from which effects that
-    neither informs about, and the provenance, are kept. `outcome` says so where the two stages contradict each other.
+    `before` is the device-level calibration, from which effects that neither informs about, and the provenance, are
+    kept. `outcome` says so where the two stages contradict each other.
     """
     names = tuple(axis.name for axis in SPACE_STABLE.axes)
-    together = together or solve(device + static)
-    alone = solve(device), solve(static)
     return replace(
         before,
         method="three-stage",
@@ -194,8 +185,10 @@ def fuse_stages(
         covariance=together.covariance,
         unobservable=together.unobservable,
         residual=Residual(together.chi2, together.dof, before.residual.rms),
-        outcome=". ".join(filter(None, (before.outcome, outcome(alone[1]), contradiction_sentence(together, *alone)))),
-        stages=(_stage_with_gain(together, alone[0], before.stages[-1].rms if before.stages else 0.0),),
+        outcome=". ".join(
+            filter(None, (before.outcome, outcome(static), contradiction_sentence(together, device, static)))
+        ),
+        stages=(_stage_with_gain(together, device, before.stages[-1].rms if before.stages else 0.0),),
     )
 
 

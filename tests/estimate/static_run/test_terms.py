@@ -12,7 +12,7 @@ from gimbalcal.estimate.static_run.force_filter import observation_matrix, proje
 from gimbalcal.estimate.static_run.system import calibrate_static_run, noise_from, static_parameters, static_readings
 from gimbalcal.forward import accelerometers
 from gimbalcal.kinematics import with_phase_of_force
-from gimbalcal.readings import readings
+from gimbalcal.views.known_attitude import readings
 from tests.estimate.static_runs import NOISE, TABLE_2_3, run
 from tests.stimuli import LATITUDE, G
 from tests.stimuli import static as held
