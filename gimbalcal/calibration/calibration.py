@@ -355,17 +355,14 @@ def _rounded_columns(value: float, sigma: float) -> str:
     return f"{rounded[0]:>14s} +- {rounded[1]:<10s}"
 
 
-def from_dict(content: object, gimbals: Sequence[str] = ()) -> Calibration:
-    """Return the calibration in the content of calibration.json. Raises InputError, see `content_checks`.
-
-    gimbals: names of the platform's axes for a file that does not state them.
-    """
+def from_dict(content: object) -> Calibration:
+    """Return the calibration in the content of calibration.json. Raises InputError, see `content_checks`."""
     version = content.get("format") if isinstance(content, dict) else None
     if not isinstance(content, dict) or version != FORMAT:
         raise InputError(f"calibration has format {version!r}, this version reads format {FORMAT}")
     file = entry_from(CalibrationFile, content, "")
     readout, rows = from_content(content), file.parameters
-    gimbals = readout.gimbals or tuple(gimbals) or gimbals_of([(r.name, r.axis) for r in rows])
+    gimbals = readout.gimbals or gimbals_of([(r.name, r.axis) for r in rows])
     known = {(p.name, p.axis): p for cls in CATALOGUE.values() for p in parameters(cls, gimbals, constants=True)}
     missing = [f"{r.name}:{r.axis}" for r in rows if (r.name, r.axis) not in known]
     origin = Provenance.read(file.provenance)

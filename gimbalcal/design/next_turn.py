@@ -54,7 +54,7 @@ def next_turn(
     listed = {p.effect for p in states(state_list, recordings[0].why_not_shown)}
     wished = [*more, *(w for s in separate if (w := s.partition(":")[0]) not in {*listed, *more})]
     also = extra_effects(wished, recordings, tuple(listed))
-    base = tuple(a.absent((), dict(a.stated)) for a in also)
+    base = tuple(a.absent() for a in also)
     fits = [iterate(segment(r), states(state_list, r.why_not_shown, also), base, progress) for r in recordings]
     for m in fits:
         if not m.converged:

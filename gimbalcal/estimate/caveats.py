@@ -33,23 +33,19 @@ def caveats(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
     usual = not baseline or set(baseline) == set(BASELINE.get(recording.kind, ()))
     out = []
     if recording.kind.stabilised and usual:
-        out += _caveats_of_estimator(
-            lambda: list(filter(None, [calibrate_static_run(static_readings(recording)).outcome.partition(", so ")[0]]))
-        )
+        out += _sentences(lambda: [calibrate_static_run(static_readings(recording)).outcome.partition(", so ")[0]])
     if turned_in_place(recording) and usual:
-        out += _caveats_of_estimator(
-            lambda: list(filter(None, [systematic(recording, "30").outcome.partition(";")[0]]))
-        )
+        out += _sentences(lambda: [systematic(recording, "30").outcome.partition(";")[0]])
     if not recording.kind.in_positions or recording.position is None or not recording.has(FORCE):
         return out
     if recording.has("gimbal_angle"):
-        out += _caveats_of_estimator(lambda: _of_positions(trusted_positions(recording))) if usual else []
+        out += _sentences(lambda: _of_positions(trusted_positions(recording))) if usual else []
     mine, gyro = by_triad(baseline)
     if recording.has("gimbal_angle") and not recording.has(RATE):
         return out
     if mine or not baseline:
         terms = () if recording.has("gimbal_angle") else tuple(mine)
-        out += _caveats_of_estimator(lambda: _of_unit(recording, terms, bool(gyro) or not baseline))
+        out += _sentences(lambda: _of_unit(recording, terms, bool(gyro) or not baseline))
     return out
 
 
@@ -80,14 +76,14 @@ def input_errors(recording: Recording) -> list[str]:
     """Return the likeliest input error by the calibration of a unit turned in its place, where it names one."""
     if not turned_in_place(recording):
         return []
-    slips = _caveats_of_estimator(lambda: [systematic(recording, "30").outcome.partition("; ")[2]])
-    return [slip for slip in slips if slip and "`gimbalcal diagnose`" not in slip]
+    slips = _sentences(lambda: [systematic(recording, "30").outcome.partition("; ")[2]])
+    return [slip for slip in slips if "`gimbalcal diagnose`" not in slip]
 
 
-def _caveats_of_estimator(ask: Callable[[], list[str]]) -> list[str]:
-    """Return what an estimator reports; nothing where it does not take the recording."""
+def _sentences(ask: Callable[[], list[str]]) -> list[str]:
+    """Return what an estimator reports, less what is empty; nothing where it does not take the recording."""
     try:
-        return ask()
+        return list(filter(None, ask()))
     except InputError:
         return []
 
@@ -104,10 +100,9 @@ def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[s
     times, excess = calibration.provenance.options.excess_over_noise, calibration.provenance.options.excess_scatter
     forces = scatter_in_words(recording.noise, excess, excess / times) if times and excess and times > 0 else ""
     alone = replace(calibration, outcome="")
-    gyroscopes = _caveats_of_estimator(lambda: [with_gyroscopes(recording, alone).outcome]) if both else []
-    return list(filter(None, [forces, *gyroscopes]))
+    return [forces, *(_sentences(lambda: [with_gyroscopes(recording, alone).outcome]) if both else ())]
 
 
 def misheld_positions(recording: Recording) -> tuple[str, ...]:
     """Return sentences on positions that were not held where the readouts say, which is a fault and no physics."""
-    return tuple(_caveats_of_estimator(lambda: [f.in_words for f in trusted_positions(recording).faults]))
+    return tuple(_sentences(lambda: [f.in_words for f in trusted_positions(recording).faults]))

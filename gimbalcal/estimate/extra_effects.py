@@ -45,9 +45,11 @@ class ExtraEffect:
             replace(p, sigma=PRIOR_FACTOR * p.sigma) for p in every if not self.axes or _is_of_axes(p, self.axes)
         )
 
-    def absent(self, gimbals: Sequence[str], values: Mapping[str, float]) -> Effect:
-        """The effect with zero parameters and these constants."""
-        named: dict[str, Any] = {**values, **({"covariate": self.covariate} if self.covariate else {})}
+    def absent(self, gimbals: Sequence[str] = (), values: Mapping[str, float] | None = None) -> Effect:
+        """The effect with zero parameters and these constants, by default the stated ones."""
+        named: dict[str, Any] = dict(self.stated if values is None else values.items())
+        if self.covariate:
+            named["covariate"] = self.covariate
         return replace(zero_effect(CATALOGUE[self.effect], gimbals), **named)
 
     @property

@@ -139,7 +139,7 @@ def _alt_az(mount: MountAxes) -> Weights:
     }
 
 
-def _is_equatorial(mount: MountAxes) -> Weights:
+def _equatorial(mount: MountAxes) -> Weights:
     if mount.latitude_deg is None:  # the vertical is not known in the axes of the mount
         return {}
     (up, around, polar), L = mount.axes, radians(mount.latitude_deg)
@@ -165,7 +165,7 @@ def _is_equatorial(mount: MountAxes) -> Weights:
     }
 
 
-TERMS: Mapping[str, Callable[[MountAxes], Weights]] = {ALT_AZ: _alt_az, EQUATORIAL: _is_equatorial}
+TERMS: Mapping[str, Callable[[MountAxes], Weights]] = {ALT_AZ: _alt_az, EQUATORIAL: _equatorial}
 NAMES_ON = {kind: tuple(terms(MountAxes(kind, AXES[kind], 0.0))) for kind, terms in TERMS.items()}
 NAMES = frozenset[str]().union(*NAMES_ON.values())
 

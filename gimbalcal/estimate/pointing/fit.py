@@ -136,8 +136,3 @@ def fit_terms(
 def weighted_residual(fitted: ViewsFit) -> tuple[Array, ...]:
     """Return the residual of each star (n, C) [rad] times the root of its weight: of one sigma for all."""
     return tuple(r / s * fitted.excess for r, s in zip(fitted.residual, fitted.sigma, strict=True))
-
-
-def weighted_sum_of_squares(fitted: ViewsFit) -> float:
-    """Return the weighted sum of squares of the residuals [rad^2]."""
-    return float(sum((r**2).sum() for r in weighted_residual(fitted)))

@@ -29,14 +29,13 @@ from gimbalcal.estimate.pointing.pattern import clearest_pattern, far_off
 from gimbalcal.estimate.pointing.term_tests import term_tests
 from gimbalcal.estimate.sharing import agreement_test
 from gimbalcal.inference.information import chi2_about_mean
-from gimbalcal.inference.p_value import probability
+from gimbalcal.inference.p_value import SIGNIFICANCE, is_explained_by_chance, probability
 from gimbalcal.method_table import Request
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
 from gimbalcal.views.pointing import pointing, read_axes, split_nights
 
-SIGNIFICANCE = 1e-3  # probability below which chance is not believed
 MIN_SIGMAS = 3.0  # a term that moved by less since the first night is not named
 MIN_SPARE_DOF = 4  # degrees of freedom that a night has to itself before its terms are reported
 NEGLIGIBLE_EXCESS = 0.1  # relative excess over the stated noise that no user would act on, however significant
@@ -150,7 +149,7 @@ def _misfit(fitted: ViewsFit, stated: float | None) -> str:
     if stated is None or dof <= 0:
         return ""
     ratio = float(np.sqrt(fitted.solution.chi2 / dof))
-    if ratio <= 1 + NEGLIGIBLE_EXCESS or probability(fitted.solution.chi2, dof) >= SIGNIFICANCE:
+    if ratio <= 1 + NEGLIGIBLE_EXCESS or is_explained_by_chance(fitted.solution.chi2, dof):
         return ""
     return (
         f"what the terms leave is {ratio:.2f} times the stated {from_si(stated, 'arcsec'):.3g} arcsec, more than "
@@ -165,7 +164,7 @@ def _nights_differ(several: Nights | None) -> str:
     if not several.moved:
         return f"the terms differ between {number_of(len(several.fits), 'night')}, no single one by three sigma."
     words = []
-    for p, _, x, s in several.moved[:MAX_TERMS_NAMED]:
+    for p, x, s in several.moved[:MAX_TERMS_NAMED]:
         name = p.label.replace(":", " ").replace("_", " ")
         words.append(f"{name} by {from_si(x, p.unit):.3g} +- {from_si(s, p.unit):.2g} {p.unit}")
     return f"the terms differ between {number_of(len(several.fits), 'night')}: {', '.join(words)} since the first."
@@ -177,7 +176,7 @@ class Nights:
 
     fits: tuple[ViewsFit, ...]
     probability: float
-    moved: tuple[tuple[Parameter, int, float, float], ...]  # term, night (from 0), change since the first, its sigma
+    moved: tuple[tuple[Parameter, float, float], ...]  # term, change since the first night, its sigma
 
 
 def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
@@ -213,15 +212,14 @@ def change_between_nights(first: ViewsFit, other: ViewsFit) -> tuple[Array, Arra
     return other.x - first.x, np.sqrt(variance)
 
 
-def _moved_terms(alone: Sequence[ViewsFit]) -> tuple[tuple[Parameter, int, float, float], ...]:
+def _moved_terms(alone: Sequence[ViewsFit]) -> tuple[tuple[Parameter, float, float], ...]:
     """Terms that stand out, the clearest first, each in the night where it is clearest."""
-    best: dict[Parameter, tuple[Parameter, int, float, float]] = {}
-    for k, f in enumerate(alone[1:], start=1):
-        d, s = change_between_nights(alone[0], f)
-        for p, x, sigma in zip(f.solution.parameters, d, s, strict=True):
-            if abs(x) > MIN_SIGMAS * sigma and (p not in best or abs(x) / sigma > abs(best[p][2]) / best[p][3]):
-                best[p] = (p, k, float(x), float(sigma))
-    return tuple(sorted(best.values(), key=lambda m: -abs(m[2]) / m[3]))
+    changes = [change_between_nights(alone[0], f) for f in alone[1:]]
+    every = [(p, float(d[i]), float(s[i])) for i, p in enumerate(alone[0].solution.parameters) for d, s in changes]
+    clearest: dict[Parameter, tuple[Parameter, float, float]] = {}
+    for change in sorted(every, key=lambda c: -abs(c[1]) / c[2]):
+        clearest.setdefault(change[0], change)
+    return tuple(c for c in clearest.values() if abs(c[1]) > MIN_SIGMAS * c[2])
 
 
 def printed_nights(nights: Nights) -> tuple[Night, ...]:

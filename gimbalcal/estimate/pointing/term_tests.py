@@ -14,9 +14,9 @@ candidate: `gimbalcal diagnose` seeks it, and accounts for the number of values 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, zero_effect
 from gimbalcal.effects.effect import constants
 from gimbalcal.estimate.extra_effects import columns_of_sizes
 from gimbalcal.estimate.fit import ViewsFit
-from gimbalcal.inference.algebra import orthonormal_columns
+from gimbalcal.inference.algebra import orthonormal_columns, unit_columns
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -73,9 +73,10 @@ class _Tests:
             )
             others = {q.label: float(R[i, j]) for i in group for j, q in enumerate(parameters) if j not in group}
             p, x, block = parameters[group[0]], self.fitted.x[sizes], np.ix_(sizes, sizes)
-            estimate = _Estimate(p, self.fitted.x[group[0]], self.fitted.sigmas[group[0]]) if len(group) == 1 else None
+            label = p.label if len(group) == 1 else p.effect
+            printed = _printed(p, self.fitted.x[group[0]], self.fitted.sigmas[group[0]]) if len(group) == 1 else ()
             memory = float(x @ np.linalg.solve(P[block], x)) / max(float(x @ np.linalg.solve(G[block], x)), 1e-300)
-            out.append(self._test(estimate or p.effect, True, y - Q @ (Q.T @ y), self.r, len(group), others, memory))
+            out.append(self._test(label, printed, True, y - Q @ (Q.T @ y), self.r, len(group), others, memory))
         return out
 
     def of_candidate(self, p: Parameter, column: Array) -> TermTest | None:
@@ -88,14 +89,14 @@ class _Tests:
         after = self.r - own * x
         scale = 1.0 if self.stated else float(after @ after) / max(self.fitted.solution.dof - 1, 1)
         A = np.column_stack([self.J, column])
-        size = np.linalg.norm(A, axis=0)
-        size = np.where(size > 0, size, 1.0)  # a term of the model that no star shows
-        inverse = np.linalg.pinv(np.linalg.qr(A / size, mode="r"), rcond=MIN_SINGULAR_RATIO) / size[:, None]
+        unit, size = unit_columns(A)
+        inverse = np.linalg.pinv(np.linalg.qr(unit, mode="r"), rcond=MIN_SINGULAR_RATIO) / size[:, None]
         G = scale * inverse @ inverse.T
         P = G + self.fitted.added_by_memory(A, after, G)
         others = {q.label: float(c) for q, c in zip(self.fitted.parameters, correlations(P)[-1, :-1], strict=True)}
         memory = float(G[-1, -1] / P[-1, -1])
-        return self._test(_Estimate(p, x, sqrt(float(P[-1, -1]))), False, self.r, after, 1, others, memory)
+        printed = _printed(p, x, sqrt(float(P[-1, -1])))
+        return self._test(p.label, printed, False, self.r, after, 1, others, memory)
 
     def columns(self, wanted: Sequence[Parameter]) -> Array:
         """Return whitened derivatives (q, k) of the rows by parameters of absent effects."""
@@ -106,23 +107,23 @@ class _Tests:
         return np.concatenate([c.reshape(-1, len(wanted)) for c in each]) / self.sigma[:, None]
 
     def _test(
-        self, term: _Estimate | str, in_model: bool, without: Array, after: Array, k: int, others: Mapping[str, float],
-        memory: float,
+        self, label: str, printed: Sequence[Any], in_model: bool, without: Array, after: Array, k: int,
+        others: Mapping[str, float], memory: float,
     ) -> TermTest:  # fmt: skip
         """Return the test of a term from the residuals (q,) without it and with it, of k parameters.
 
-        memory: by which chi^2 of its size is less than in noise whose rows are independent.
+        printed: value, sigma and unit of a term that is one parameter. memory: by which chi^2 of its size is less than
+        in noise whose rows are independent.
         """
         dof = None if self.stated else max(self.fitted.solution.dof - (0 if in_model else k), 0)
         gain = float(without @ without - after @ after)
         scale = 1.0 if dof is None else float(after @ after) / max(dof, 1)
         F = memory * max(gain, 0.0) / k / max(scale, 1e-300)
         largest = sorted(others, key=lambda label: -abs(others[label]))[:MAX_CORRELATIONS]
-        label = term if isinstance(term, str) else term.parameter.label
         return TermTest(
             label, in_model, self._rms(without), self._rms(after), F, (k, dof),
             probability(k * F, k, np.inf if dof is None else dof), {q: others[q] for q in largest},
-            self.names.get(label), *((None, None, None) if isinstance(term, str) else term.printed),
+            self.names.get(label), *printed,
         )  # fmt: skip
 
     def _rms(self, r: Array) -> float:
@@ -130,19 +131,9 @@ class _Tests:
         return float(from_si(sqrt(float(np.sum((r * self.sigma) ** 2)) / self.stars), "arcsec"))
 
 
-@dataclass(frozen=True)
-class _Estimate:
-    """A parameter with its estimate and one sigma [SI]."""
-
-    parameter: Parameter
-    x: float
-    sigma: float
-
-    @property
-    def printed(self) -> tuple[float, float, str]:
-        """Value, sigma and unit as calibration.json states them."""
-        unit = self.parameter.unit
-        return float(from_si(self.x, unit)), float(from_si(self.sigma, unit)), unit
+def _printed(p: Parameter, x: float, sigma: float) -> tuple[float, float, str]:
+    """Return value, sigma [SI] and unit as calibration.json states them."""
+    return float(from_si(x, p.unit)), float(from_si(sigma, p.unit)), p.unit
 
 
 def _terms(parameters: Sequence[Parameter]) -> list[list[int]]:

@@ -72,7 +72,7 @@ def systematic(
     Raises InputError where the recording cannot be navigated: see `iterate`.
     """
     wanted = states(asked, recording.why_not_shown, more)
-    m = iterate(segment(recording), wanted, tuple(a.absent((), dict(a.stated)) for a in more), progress)
+    m = iterate(segment(recording), wanted, tuple(a.absent() for a in more), progress)
     calibration = calibration_of_fit(m)
     if m.converged and (calibration.unobservable or m.last.attitude[2, 2] > LARGE_HEADING_SIGMA_RAD**2):
         calibration = _with_linearisation_error(calibration, linearisation_covariance(m, calibration.covariance))
@@ -177,7 +177,7 @@ def calibrate_jointly(
     each: list[SystematicFit] = []
     for r in recordings:
         progress(r.title)
-        base = tuple(a.absent((), dict(a.stated)) for a in more)
+        base = tuple(a.absent() for a in more)
         wanted = states(asked, r.why_not_shown, more)
         each.append(iterate(segment(r), wanted, base, progress))
     wanted = with_widest_priors(p for m in each for p in m.wanted)

@@ -95,7 +95,7 @@ def filter_and_smooth(
     S = _initial_factor(segments, start.sigma, len(wanted), known)
     z = np.where(segments.believed[:, None], 0.0, np.full((len(model.Phi), 3), np.nan))
     jumping = model._replace(root=with_velocity_jumps(model.root, excluded))
-    filtered = _filter(segments, jumping, np.where(excluded[:, None], np.nan, z), x, theta, S)
+    filtered = filter_velocities(segments, jumping, np.where(excluded[:, None], np.nan, z), x, theta, S)
     constants, own = filtered.theta[-1], filtered.factor[m:, m:]
     if not (np.isfinite(constants).all() and np.isfinite(own).all()):
         raise not_finite(segments.rows.label, "what the filter holds of the constants")
@@ -114,7 +114,7 @@ def filter_and_smooth(
     # the same navigator with its sensors calibrated
     constants = constants - own @ (own.T @ after[m:])
     corrected = model._replace(Psi=np.zeros((len(z), m, 0)), d=model.d + model.Psi @ constants)
-    calibrated = _filter(
+    calibrated = filter_velocities(
         segments, corrected, z, x, constants[:0], np.diag(initial_sigma(segments, start.sigma)), 0, GATE_NIS
     )
     return Pass(
@@ -128,7 +128,7 @@ def curve_points(updates: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, updates, CURVE_POINTS).astype(np.int64))
 
 
-def _filter(
+def filter_velocities(
     segments: Segments, model: ErrorModel, z: Array, x: Array, theta: Array, S: Array, smoothed: int = 3,
     gate: float = np.inf,
 ) -> Filtered:  # fmt: skip
@@ -172,7 +172,7 @@ def _without_errors(segments: Segments, last: Pass, excluded: NDArray[np.bool_],
     root, d = with_velocity_jumps(last.model.root, excluded), 0 * last.model.d
     z = np.where(np.isnan(last.filtered.innovation), np.nan, 0.0)
     x, theta = np.zeros(Psi.shape[1]), np.zeros(Psi.shape[2])
-    return _filter(segments, last.model._replace(Psi=Psi, root=root, d=d), z, x, theta, S)
+    return filter_velocities(segments, last.model._replace(Psi=Psi, root=root, d=d), z, x, theta, S)
 
 
 def initial_errors(segments: Segments, start: Alignment, C: Array) -> Array:

@@ -23,17 +23,17 @@ from gimbalcal.estimate.systematic.error_model import (
     invert_readings,
     reading_jacobian,
     stretch_model,
-    velocity_variance,
 )
 from gimbalcal.estimate.systematic.filter_pass import (
     VELOCITY_STATES,
+    filter_velocities,
     initial_errors,
     initial_sigma,
     with_velocity_jumps,
 )
 from gimbalcal.estimate.systematic.iterate import SystematicFit
 from gimbalcal.forward import linearise
-from gimbalcal.inference import adjoint, square_root_filter
+from gimbalcal.inference import adjoint
 from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.navigate.error_growth import NAV
 from gimbalcal.number import Array
@@ -56,12 +56,12 @@ def innovation_rows(m: SystematicFit) -> InnovationRows:
     s = stimulus_from_truth(replace(segments.groups, position=at), expected[:, :3], expected[:, 3:])
     s = s.at(time=segments.groups.time - segments.groups.time[0])
     rows = linearise(BENCH, s, effects, KIND, CHANNELS)
-    Phi, Psi, root, d = error_model(segments, (), effects, u, m.C)
+    model = error_model(segments, (), effects, u, m.C)
     x, S = initial_errors(segments, m.start, m.C), np.diag(initial_sigma(segments, m.start.sigma))
-    root = with_velocity_jumps(root, m.excluded)
-    R = velocity_variance(segments.velocity)
-    z = np.where((m.excluded | ~segments.believed)[:, None], np.nan, 0 * R)
-    f = square_root_filter.filter(Phi, Psi[:, :, :0], root, d, z, VELOCITY_STATES, R, x, np.zeros(0), S, smoothed=0)
+    Phi, z = model.Phi, np.zeros((len(model.Phi), 3))
+    z[m.excluded | ~segments.believed] = np.nan
+    model = model._replace(Psi=model.Psi[:, :, :0], root=with_velocity_jumps(model.root, m.excluded))
+    f = filter_velocities(segments, model, z, x, np.zeros(0), S, smoothed=0)
     sigma, block = np.sqrt(f.variance), _block_ordinals(segments.stop)
     residual, row_sigma = _join_innovations(f.innovation[..., None] * STATE_SCALE[3], sigma * STATE_SCALE[3], block)
     first = np.flatnonzero(np.diff(block, prepend=-1))
