@@ -71,7 +71,7 @@ class StretchModel:
             velocity[moving] = noise.velocity_in_turns
         R = velocity_variance(velocity)
         start = np.repeat([INITIAL_ATTITUDE_SIGMA_RAD, noise.velocity, POSITION_SIGMA_M], 3) / STATE_SCALE
-        return innovations(self.Phi, self.Psi, self.Q, VELOCITY_STATES, R, np.diag(start**2))
+        return innovations(self.Phi, self.Psi, self.Q, VELOCITY_STATES, R, start)
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,11 +55,9 @@ def covariance(Phi: Array, Psi: Array, index: Array, known: Filtered, before: Ar
     covariance after all measurements.
     """
     few = known.cross.shape[1]
-    out, answers = np.empty((len(known.cross), few, few)), np.empty((len(known.cross), few, Psi.shape[2]))
-    Phi, Psi = np.ascontiguousarray(Phi), np.ascontiguousarray(Psi)
-    index = np.asarray(index, dtype=np.int64)
-    innovation = np.full((*known.innovation.shape, Psi.shape[2]), np.nan)
-    _responses(Phi, Psi, index, known.innovation, known.gain, np.array(before, dtype=float), innovation, answers)
+    out = np.empty((len(known.cross), few, few))
+    innovation, answers = innovation_response(Phi, Psi, index, known.innovation, known.gain, few, before)
+    Phi, index = np.ascontiguousarray(Phi), np.asarray(index, dtype=np.int64)
     _covariance(Phi, index, innovation, known.variance, known.gain, known.cross, out, answers)
     del innovation  # as large as the answers
     for start in range(0, len(out), BATCH_STEPS):
@@ -68,24 +66,20 @@ def covariance(Phi: Array, Psi: Array, index: Array, known: Filtered, before: Ar
     return out
 
 
-def innovation_response(Phi: Array, Psi: Array, index: Array, measured: Array, gain: Array) -> Array:
-    """Return the response (K, c, p) of the innovations to constants that were zero before; nan where not `measured`.
+def innovation_response(
+    Phi: Array, Psi: Array, index: Array, measured: Array, gain: Array, states: int = 0, before: Array | None = None
+) -> tuple[Array, Array]:
+    """Return the responses to constants of the innovations (K, c, p) and of the first filtered `states` (K + 1, s, p).
 
-    measured (K, c): not a number where the filter left a component out; gain (K, c, m) of the moving states.
+    measured (K, c): not a number where the filter left a component out, as is the response there; gain (K, c, m) of
+    the moving states; before (m, p): their response at the start (default: none).
     """
     K, m, p = Psi.shape
-    innovation = np.full((K, len(index), p), np.nan)
+    innovation, answers = np.full((K, len(index), p), np.nan), np.empty((K + 1, states, p))
     arrays = (np.ascontiguousarray(a, dtype=float) for a in (Phi, Psi))
-    _responses(
-        *arrays,
-        np.asarray(index, dtype=np.int64),
-        measured,
-        gain,
-        np.zeros((m, p)),
-        innovation,
-        np.empty((K + 1, 0, p)),
-    )
-    return innovation
+    D = np.zeros((m, p)) if before is None else np.array(before, dtype=float)
+    _responses(*arrays, np.asarray(index, dtype=np.int64), measured, gain, D, innovation, answers)
+    return innovation, answers
 
 
 @compiled

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -229,18 +228,9 @@ def _whitened_rows(c: AllanCurve, first: int, C: Array, active: Sequence[int]) -
 
 
 def _nonnegative_least_squares(A: Array, y: Array) -> tuple[Array, float]:
-    """Return the least squares without negative coefficients, and the norm of the residual.
+    """Return the least squares without negative coefficients, and the norm of the residual."""
+    from scipy.optimize import nnls
 
-    Of the few terms every selection is solved: the optimum is the best of those that have no negative coefficient.
-    """
-    size, terms = np.linalg.norm(A, axis=0), A.shape[1]
-    best, least = np.zeros(terms), float(np.linalg.norm(y))
-    for selection in (s for k in range(terms, 0, -1) for s in combinations(range(terms), k)):
-        x = np.zeros(terms)
-        x[list(selection)] = np.linalg.lstsq(A[:, selection] / size[list(selection)], y, rcond=None)[0]
-        residual = float(np.linalg.norm(y - A / size @ x))
-        if np.all(x >= 0) and residual < least:
-            best, least = x, residual
-        if np.all(x > 0) and len(selection) == terms:
-            break
-    return best / size, least
+    size = np.linalg.norm(A, axis=0)
+    x, residual = nnls(A / size, y)
+    return x / size, float(residual)

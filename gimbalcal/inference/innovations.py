@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gimbalcal.compiled import compiled
+from gimbalcal.inference import square_root_filter
+from gimbalcal.inference.adjoint import innovation_response
 from gimbalcal.number import Array
 
 
@@ -29,60 +30,13 @@ class Innovations(NamedTuple):
     P: Array
 
 
-def innovations(Phi: Array, Psi: Array, Q: Array, index: Array, R: Array, P: Array) -> Innovations:
+def innovations(Phi: Array, Psi: Array, Q: Array, index: Array, R: Array, sigma: Array) -> Innovations:
     """Return the rows of K steps of m states and p constants: transition, then states `index` (c,), variances R (K, c).
 
-    Phi (K, m, m), Psi (K, m, p), Q (K, m, m), P (m, m) at the start, where D is zero.
+    Phi (K, m, m), Psi (K, m, p), Q (K, m, m); sigma (m,): of the states at the start, where D is zero.
     """
-    K, m, p = Psi.shape
-    out = Innovations(np.empty((K, len(index), p)), np.zeros((K + 1, m, p)), np.empty((K + 1, m, m)))
-    out.P[0] = P
-    arrays = (np.ascontiguousarray(a, dtype=float) for a in (Phi, Psi, Q, R))
-    _innovations(*arrays, np.asarray(index, dtype=np.int64), *out)
-    return out
-
-
-@compiled
-def _innovations(Phi: Array, Psi: Array, Q: Array, R: Array, index: Array, rows: Array, D: Array, P: Array) -> None:
-    K, m, p = Psi.shape
-    A, B, T, g = np.empty((m, p)), np.empty((m, m)), np.empty((m, m)), np.empty(m)
-    for k in range(K):
-        A[:, :] = Psi[k]
-        for i in range(m):
-            for j in range(m):
-                f = Phi[k, i, j]
-                if f != 0.0:
-                    for c in range(p):
-                        A[i, c] += f * D[k, j, c]
-        for i in range(m):
-            for j in range(m):
-                total = 0.0
-                for l in range(m):
-                    total += Phi[k, i, l] * P[k, l, j]
-                T[i, j] = total
-        for i in range(m):
-            for j in range(i + 1):
-                total = Q[k, i, j]
-                for l in range(m):
-                    total += T[i, l] * Phi[k, j, l]
-                B[i, j] = B[j, i] = total
-        for c in range(len(index)):
-            i = index[c]
-            s = B[i, i] + R[k, c]
-            for a in range(m):
-                g[a] = B[a, i] / s
-            for q in range(p):
-                rows[k, c, q] = A[i, q] / np.sqrt(s)
-            for a in range(m):
-                for b in range(a + 1):
-                    B[a, b] -= s * g[a] * g[b]
-                    B[b, a] = B[a, b]
-            for a in range(m):
-                if a != i:
-                    for q in range(p):
-                        A[a, q] -= g[a] * A[i, q]
-            keep = 1.0 - g[i]
-            for q in range(p):
-                A[i, q] *= keep
-        D[k + 1] = A
-        P[k + 1] = B
+    root, m = square_root_filter.roots(Q), len(sigma)
+    d, z, none = np.zeros(Phi.shape[:2]), np.zeros(R.shape), np.zeros(0)
+    f = square_root_filter.filter(Phi, Psi[..., :0], root, d, z, index, R, np.zeros(m), none, np.diag(sigma))
+    e, D = innovation_response(Phi, Psi, index, f.variance, f.gain, m)
+    return Innovations(-e / np.sqrt(f.variance)[..., None], D, f.cross)

@@ -83,7 +83,7 @@ def test_components_one_after_the_other_are_components_together():
     rng = np.random.default_rng(3)
     Phi, Psi = rng.standard_normal((6, 3, 3)) / 2, rng.standard_normal((6, 3, 2))
     Q = np.broadcast_to(0.1 * np.eye(3), (6, 3, 3))
-    found = innovations(Phi, Psi, Q, np.array([0, 2]), np.full((6, 2), 0.3), np.eye(3))
+    found = innovations(Phi, Psi, Q, np.array([0, 2]), np.full((6, 2), 0.3), np.ones(3))
     H, P, D, G = np.eye(3)[[0, 2]], np.eye(3), np.zeros((3, 2)), np.zeros((2, 2))
     for k in range(6):
         D, P = Phi[k] @ D + Psi[k], Phi[k] @ P @ Phi[k].T + Q[k]

@@ -70,7 +70,7 @@ def innovation_rows(m: SystematicFit) -> InnovationRows:
     def part(D: Array) -> Array:
         Psi = np.zeros((*Phi.shape[:2], D.shape[2]))
         Psi[:, :NAV] = stretch_model(segments, u, m.C, lambda groups: D[groups], D.shape[2])[1]
-        e = adjoint.innovation_response(Phi, Psi, VELOCITY_STATES, sigma, f.gain)
+        e, _ = adjoint.innovation_response(Phi, Psi, VELOCITY_STATES, sigma, f.gain)
         return _join_innovations(np.nan_to_num(e) * STATE_SCALE[3], sigma * STATE_SCALE[3], block)[0]
 
     def response(D: Array) -> Array:
