@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, plotted_against
 from gimbalcal.diagnose.evidence.channel_scales import likeliest_scales
 from gimbalcal.diagnose.evidence.odds import CLAIM
@@ -50,6 +51,7 @@ from gimbalcal.diagnose.verdict.random_walk import (
 from gimbalcal.diagnose.verdict.threshold import detection_limits
 from gimbalcal.diagnose.verdict.verify import row_sigma, view_fit
 from gimbalcal.diagnose.view_result import ViewDiagnosis
+from gimbalcal.effects.effect import constants
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
 from gimbalcal.units import from_si
@@ -170,8 +172,9 @@ def _view_diagnosis(
         fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(
-        v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), sigma, model, laws=lawful.laws,
-        recommend=recommend, outcome=outcome, ln_evidence=_ln_evidence(c, lawful),
+        v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), model, laws=lawful.laws, recommend=recommend,
+        outcome=outcome, without=partial(calibration_without, model) if v.calibrate else None,
+        ln_evidence=_ln_evidence(c, lawful),
     )  # fmt: skip
     return diagnosis if walk is None else diagnosis.against_walk(walk, odds)
 
@@ -180,6 +183,14 @@ def _ln_evidence(c: SearchResult, lawful: Lawful) -> float:
     """Return ln p(y) of what is stated: the causes of a search and a formula of what they leave, not a shape."""
     share = log_shares(c.start.view, assemble_library(c.start))
     return ln_odds(c.start, c.causes, share) + ln_evidence(c.start) + max(0.0, lawful.ln_total)
+
+
+def calibration_without(m: Fit, left_out: str) -> Calibration:
+    """Return the calibration of the navigator behind a view with the effects of a model, but for one of this id."""
+    assert m.view.calibrate is not None
+    names = {e.id: {f.name for f in constants(type(e))} for e in m.effects}
+    linear = [p for p in m.parameters if p.effect != left_out and p.field not in names[p.effect]]
+    return m.view.calibrate([e for e in m.effects if e.id != left_out], linear)
 
 
 def serial_correlation(m: Fit, sigma: Array) -> dict[str, float]:

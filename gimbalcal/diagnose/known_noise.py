@@ -16,7 +16,7 @@ import numpy as np
 
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, in_print, plotted_against
-from gimbalcal.diagnose.evidence.noises import possible_noises
+from gimbalcal.diagnose.evidence.correlated_noise import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.diagnose.laws.law_claims import (
@@ -200,14 +200,12 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
     if d.verdict == "adequate":
         fitted = replace(fitted, unseen=detection_limits([(s.library.candidates, s.projections) for s in c.searches]))
     case.progress("the model with what was found, as a calibration")
-    curves, o = answers[lead].curves, c.searches[lead].fit
     diagnosis = ViewDiagnosis(
-        o.view, d.verdict, mismatch, named, shapes, fitted, curves,
-        np.broadcast_to(o.sigma, curves.after.shape), calibration=joint.calibration(case.known), laws=law.laws,
-        recommend=law.recommend, outcome=misheld_sentences(c, d.verdict), evidence=_evidence_of_ranking(c, d,
-        case.clean),
+        c.searches[lead].fit.view, d.verdict, mismatch, named, shapes, fitted, answers[lead].curves,
+        calibration=joint.calibration(case.known), laws=law.laws, recommend=law.recommend,
+        outcome=misheld_sentences(c, d.verdict), evidence=_evidence_of_ranking(c, d, case.clean),
         together=tuple(s.fit.view for s in c.searches),
-        without=partial(joint.calibration_without, known=case.known),
+        without=lambda effect: joint.without(effect).calibration(case.known),
     )  # fmt: skip
     return diagnosis if joint.between is None else _of_several(diagnosis, case, c, answers, joint.between)
 

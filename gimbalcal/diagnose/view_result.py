@@ -13,7 +13,6 @@ from gimbalcal.diagnose.result import Evidence, Finding, FitSummary, LawResult, 
 from gimbalcal.diagnose.verdict.decide import reported_probability
 from gimbalcal.diagnose.verdict.random_walk import PartOfWalk, RandomWalkFinding
 from gimbalcal.effects import CATALOGUE
-from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences
@@ -33,7 +32,7 @@ class Contradiction:
 class ViewDiagnosis:
     """The diagnosis of one view, with its misfits without and with the findings.
 
-    sigma (n, C): of a row, SI. model: findings and their constants fitted, where the scale of the noise is fitted;
+    model: findings and their constants fitted, where the scale of the noise is fitted;
     calibration: the same where it is known. outcome: what else speaks against the view; evidence: what it adds to the
     provenance; ln_evidence: of the causes and laws, up to a constant of the rows and the baseline, where the scale of
     the noise is fitted.
@@ -50,7 +49,6 @@ class ViewDiagnosis:
     unexplained: tuple[Shape, ...]
     fit: FitSummary
     curves: Curves
-    sigma: Array
     model: Fit | None = None
     calibration: Calibration | None = None
     laws: tuple[LawResult, ...] = ()

@@ -8,7 +8,7 @@ import pytest
 
 from gimbalcal import methods
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.verdict.view_calibration import calibrated_views
+from gimbalcal.diagnose.joint_diagnosis import calibrated_views
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.effects.baseline_effects import ACCELEROMETER_TERMS
 from gimbalcal.effects.effect import SENSOR_STAGES

@@ -1,4 +1,7 @@
-"""Noises of rows whose scale is not known: white, with memory of the row before, or of sensors that wander."""
+"""The noises over which the diagnosis of a view integrates: of a known scale, or of any.
+
+Rows whose scale is not known have white noise, noise with memory of the row before, or that of sensors that wander.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.diagnose.evidence.node import SINGLE_WALK, SINGLE_WALK_PRIOR_AT_REST, TRIAD_WALK, Node
+from gimbalcal.diagnose.evidence.stated_noise import noise_grid
 from gimbalcal.effects.process import GaussMarkov, Process, RandomWalk, WhiteNoise
 from gimbalcal.inference.noise_processes import Cascade, Chain, chain
 from gimbalcal.inference.whitening import modes, whitening, whitenings
 from gimbalcal.number import Array
+from gimbalcal.views.core import Fit, View
 from gimbalcal.views.noise import SingleWalk, TriadWalks, of_channels
 
 MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)  # from row to row, where nobody states the noise
@@ -37,6 +42,38 @@ SLOW_BESIDE_WHITE = ((0.97, 0.4), (0.99, 0.4), (0.99, 0.8))
 
 SLIGHT_MEMORY = (0.0, 0.2)  # from row to row, beside walks of triads: a velocity that is not known as well as assumed
 TRIAD_WALK_PRIOR = 0.15  # probability that all sensors of a triad walk, by that of none: as at a known attitude
+
+
+def possible_noises(fit: Fit, memory: bool = True) -> tuple[Node, ...]:
+    """Return the possible noises of a fit's rows with their prior probabilities; without `memory` white noise alone."""
+    if fit.view.noise.scale_known:
+        return noise_grid(fit)
+    every = _of_any_scale(fit.view)
+    return every if memory else every[:1]
+
+
+def _of_any_scale(v: View) -> tuple[Node, ...]:
+    """Return the noises of a view of unknown scale: the same for every model of it."""
+    if "noises" not in v.cache:
+        n, C = len(v), len(v.channels)
+        if v.noise.own_memories:
+            every = noises_of_channels(n, C)
+        else:
+            every = noises_of_unknown_scale(n, C, v.noise.wander, v.groups)
+        if v.noise.triad_walks:
+            courses = {quantity: _sensor_courses(v, quantity) for quantity in v.measurement.acts_on}
+            every += walks_of_triads(courses, C, float(np.ptp(v.stimulus.time)), v.noise.triad_walks)
+        if v.noise.single_walks and v.noise.wander is not None:
+            weight, walks = v.of_scales().weight, v.noise.single_walks
+            every += single_walks(v.noise.wander, weight, v.stimulus.time, v.channels[0][0], walks)
+        v.cache["noises"] = every
+    return v.cache["noises"]
+
+
+def _sensor_courses(v: View, quantity: str) -> Array:
+    """Return the reduced rows (R, 3, m) of the courses in time of the sensors of a triad."""
+    each = [v.noise.reduced(v.course_of_sensor(quantity, axis)) for axis in "xyz"]
+    return np.stack(each, axis=1)
 
 
 def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:

@@ -182,11 +182,6 @@ def _grown_projection(p: Projection, rows: ReducedRows) -> Projection:
     return replace(p, G=p.G.grown(B[:, :P]), b=np.concatenate([p.b, B[:, P:]]))
 
 
-def projection_of_columns(p: Projection, rows: ReducedRows, X: Array) -> Projection:
-    """The projection at the same noise of reduced columns X (R, p) that are not among the rows."""
-    return project(p.node, rows_like(rows, X))
-
-
 def rows_like(rows: ReducedRows, X: Array, low: int = 0) -> ReducedRows:
     """Return the same calibration and data with other columns, `low` rows or more of them coloured."""
     Q = rows.Q
@@ -198,7 +193,7 @@ def rows_like(rows: ReducedRows, X: Array, low: int = 0) -> ReducedRows:
 
 def log_bayes(p: Projection, index: Array, sizes: Array) -> Array:
     """ln BF (..., sizes) of the columns `index` (..., w) together, one per prior size."""
-    gain, damping = _by_size(*_principal_components(p, index), sizes)
+    gain, damping = _by_size(*_scores_along(p.G.block(index), p.b[index, 0]), sizes)
     return np.asarray(p.scale.gained(p.misfit[0], gain) - damping)
 
 
@@ -209,19 +204,15 @@ def any_size(p: Projection, index: Array) -> Array:
 
 def each_size(p: Projection, index: Array) -> Array:
     """ln of prior share times BF (..., sizes) of the columns `index` (..., w) together, for each prior size."""
-    return _weighed(p, *_by_size(*_principal_components(p, index), p.scale.sizes))
+    return _weighed(p, *_by_size(*_scores_along(p.G.block(index), p.b[index, 0]), p.scale.sizes))
 
 
 def _weighed(p: Projection, gain: Array, damping: Array) -> Array:
     return np.asarray(p.scale.gained(p.misfit[0], gain) - damping + p.scale.log_prior(p.misfit[0] - gain))
 
 
-def _principal_components(p: Projection, index: Array) -> tuple[Array, Array]:
-    """Eigenvalues of the Gram matrices of columns `index` (..., w), and scores along their vectors, both (..., w)."""
-    return _scores_along(p.G.block(index), p.b[index, 0])
-
-
 def _scores_along(G: Array, b: Array) -> tuple[Array, Array]:
+    """Eigenvalues of Gram matrices (..., w, w), and scores (..., w) along their vectors."""
     if G.shape[-1] == 1:
         return np.maximum(G[..., 0], 0.0), b
     lam, V = eigh(G)

@@ -12,6 +12,7 @@ static run the cosine transform makes V diagonal.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -98,15 +99,9 @@ def _excess_kurtosis(x: Array) -> Array:
 
 def noise_grid(o: Fit) -> tuple[Node, ...]:
     """The grid of noises of this recording with their prior probabilities."""
-    if o.view.kind.stabilised:
-        return _spectral_noise(o, [
-            (wf, wa, pf * pa, "")
-            for wf, pf in zip(WALK, WALK_PRIOR, strict=True) for wa, pa in zip(WALK, WALK_PRIOR, strict=True)
-        ])  # fmt: skip
-    return _of_dwells(o, [
-        (s, w, ps * pw, "")
-        for s, ps in zip(SETTING, SETTING_PRIOR, strict=True) for w, pw in zip(WALK, WALK_PRIOR, strict=True)
-    ])  # fmt: skip
+    gimbals = (WALK, WALK_PRIOR) if o.view.kind.stabilised else (SETTING, SETTING_PRIOR)
+    both = itertools.product(zip(*gimbals, strict=True), zip(WALK, WALK_PRIOR, strict=True))
+    return _noises(o, [(size, walk, p * q, "") for (size, p), (walk, q) in both])
 
 
 def single_walks_of_stated_noise(o: Fit) -> tuple[Node, ...]:
@@ -114,21 +109,27 @@ def single_walks_of_stated_noise(o: Fit) -> tuple[Node, ...]:
 
     And those in which all of them do: an accelerometer that is not alone is not to pass for one that is.
     """
-    axes, static = (
-        [axis for quantity, axis in o.view.channels if quantity == "specific_force"],
-        o.view.kind.stabilised,
-    )
+    static = o.view.kind.stabilised
+    axes = (*(axis for quantity, axis in o.view.channels if quantity == "specific_force"), "")
+    usual = [(s, p) for s, p in zip(SETTING, SETTING_PRIOR, strict=True) if p >= SETTING_PRIOR_SHARE]
+    gimbals = zip(WALK, WALK_PRIOR, strict=True) if static else usual
     share = (SINGLE_WALK_PRIOR_AT_REST if static else SINGLE_WALK_PRIOR) / len(SINGLE_WALK)
-    if static:
-        return _spectral_noise(o, [
-            (w, wa, share * pa, a)
-            for a in (*axes, "") for wa, pa in zip(WALK, WALK_PRIOR, strict=True) for w in SINGLE_WALK
-        ])  # fmt: skip
-    return _of_dwells(o, [
-        (s, w, share * ps, a)
-        for a in (*axes, "") for s, ps in zip(SETTING, SETTING_PRIOR,
-        strict=True) if ps >= SETTING_PRIOR_SHARE for w in SINGLE_WALK
-    ])  # fmt: skip
+    every = itertools.product(axes, gimbals, SINGLE_WALK)
+    return _noises(o, [(size, walk, share * p, axis) for axis, (size, p), walk in every])
+
+
+def nominal_noise(o: Fit) -> Node:
+    """The noise as stated, without a random walk."""
+    return _noises(o, [(0.0 if o.view.kind.stabilised else 1.0, 0.0, 1.0, "")])[0]
+
+
+def _noises(o: Fit, processes: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
+    """Return a noise for each size of what gimbals do, walk of forces, prior probability, and accelerometer.
+
+    Gimbals have setting errors in positions, and a walk of their angles in a static run. The accelerometer is the one
+    that walks alone, "" for all of them.
+    """
+    return _spectral_noise(o, processes) if o.view.kind.stabilised else _of_dwells(o, processes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +157,7 @@ def _blocks(o: Fit) -> _Blocks:
 
 
 def _of_dwells(o: Fit, processes: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
-    """A noise for each setting, walk, prior probability and accelerometer that walks alone ("" for all of them)."""
+    """Return the noises of positions: a walk of forces, and setting errors, in blocks of rows."""
     blocks = _blocks(o)
     noises = [dwell_noise(o, setting, walk) for setting, walk, _, _ in processes]
     states = [_states(o, blocks, noise, alone) for noise, (*_, alone) in zip(noises, processes, strict=True)]
@@ -207,15 +208,6 @@ def dwell_noise(o: Fit, setting: float, walk: float) -> Mapping[str, Noise]:
     }
 
 
-def nominal_noise(o: Fit) -> Node:
-    """The noise as stated, without a random walk."""
-    return (
-        _spectral_noise(o, [(0.0, 0.0, 1.0, "")])[0]
-        if o.view.kind.stabilised
-        else _of_dwells(o, [(1.0, 0.0, 1.0, "")])[0]
-    )
-
-
 def _block_time(o: Fit) -> Array:
     count = np.diff(np.append(o.view.noise.starts, len(o.residual)))
     return np.asarray(np.add.reduceat(o.view.stimulus.time, o.view.noise.starts) / count)
@@ -241,14 +233,11 @@ def slow_modes(o: Fit, walk: float) -> int:
 
 
 def _spectral_noise(o: Fit, processes: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
-    """White noise and a walk in forces (or in the one `alone`) and in angles: diagonal in the cosine transform.
-
-    Asked are the walks of forces and angles, the prior probability, and the accelerometer that walks alone, or "".
-    """
+    """Return the noises of a static run: white, and a walk in forces and angles: diagonal in the cosine transform."""
     n = len(o.residual)
     step = float(np.median(np.diff(o.view.stimulus.time)))
     out = []
-    for wf, wa, prior, alone in processes:
+    for wa, wf, prior, alone in processes:
         # an offset, which the calibration takes, stands for half a wave
         angle = np.pi * np.maximum(np.arange(slow_modes(o, wf)), 0.5) / n
         noise = {q: static_noise(o, wf if q == "specific_force" else wa) for q in dict(o.view.channels)}

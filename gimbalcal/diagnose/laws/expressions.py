@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -345,8 +345,9 @@ class Expression:
         """The variables that it follows."""
         return tuple(t.variable for t in self.terms)
 
-    def of(self, named: Mapping[str, Variable]) -> Expression:
+    def of(self, rows: Iterable[Variable]) -> Expression:
         """Return the same law of other rows of the variables. Raises KeyError for what is not logged there."""
+        named = {v.name: v for v in rows}
         moved = (replace(t, variable=replace(named[t.variable.name], origin=t.variable.origin)) for t in self.terms)
         return Expression(tuple(moved), self.kept)
 
@@ -357,7 +358,7 @@ class Expression:
 
     def on(self, s: Stimulus) -> Expression:
         """Return the same law of another stimulus. Raises KeyError for what is not logged there."""
-        return self.of({v.name: v for v in variables(s, still=True)})
+        return self.of(variables(s, still=True))
 
     def varied(self) -> list[Expression]:
         """The law, and with each of its sizes a quarter to four times as large."""
@@ -444,7 +445,9 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
         "shock": lambda: [(c, span * part) for c in _threshold_levels(v, s) for part in (0.02, 0.05, 0.12, 0.3)],
         "window": lambda: list(itertools.combinations(_threshold_levels(v, s), 2)),
         "ring": lambda: [(np.pi * k / span, span * part) for k in range(2, CYCLES + 1) for part in (0.08, 0.2, 0.5)],
-        "fade": lambda: [(tau,) for tau in np.geomspace(max(2 * _spacing(v.x), span / 50), 1.5 * span, 7)],
+        "fade": lambda: [
+            (tau,) for tau in np.geomspace(max(2 * np.median(np.diff(np.unique(v.x))), span / 50), 1.5 * span, 7)
+        ],
         "log": lambda: [(tau,) for tau in np.geomspace(span / 300, span, 6)],
         "beyond": lambda: [(np.abs(v.x).max() * part,) for part in (0.1, 0.25, 0.4, 0.55, 0.7, 0.85)],
         "power": lambda: [(p,) for p in POWERS],
@@ -454,10 +457,6 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
         "above": lambda: [(c,) for c in _threshold_levels(v, s)],
     }
     return list(grids[form.key]()) if form.key in grids else [()]
-
-
-def _spacing(x: Array) -> float:
-    return float(np.median(np.diff(np.unique(x))))
 
 
 def _threshold_levels(v: Variable, s: Stimulus) -> list[float]:

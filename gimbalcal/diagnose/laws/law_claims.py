@@ -7,13 +7,13 @@ that `calibrate --with` and every other command take it by `--effects law.py`.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.correlated_noise import possible_noises
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, SEPARATION_EVIDENCE, UNKNOWN
 from gimbalcal.diagnose.evidence.stated_noise import nats_beyond_stated_scatter, nominal_noise
 from gimbalcal.diagnose.laws.expressions import Expression
@@ -220,13 +220,8 @@ def law_of_searches(
         likelier = _joint_evidence(likeliest) > best_else  # else no selection of them is
         rivals = _rivals_of_members(ranked, instead, likeliest) if likelier else []
         return Lawful(formula_is_likelier=_joint_evidence(rivals) > best_else)
-    if best is not None and not instead and (as_likely := _known_causes_as_likely(ranked, b.total)):
-        return Lawful(
-            (),
-            law_sentences.KNOWN_CAUSE.format(
-                more=_more(searches[0].fit.view.kind), names=as_likely, law=printed_form(best)
-            ),
-        )
+    if best is not None and not instead and (as_likely := _known_causes_as_likely(ranked, best, b.total)):
+        return Lawful(recommend=as_likely)
     likely = best or next(iter(others and every), None)
     if likely is None:
         return Lawful((), what_would_determine(every, others, g, searches[0].fit.view.kind))
@@ -318,19 +313,14 @@ def _cancels_sensor(law: Law, x: Array) -> bool:
     return any(abs(float(f @ added)) > MAX_GAIN_CHANGE * float(f @ f) for f, added in forces if f.any())
 
 
-def _known_causes_as_likely(ranked: Ranking, ln_evidence: float) -> str:
-    """Known causes that are as likely as a law of this evidence, by name; empty where none are."""
-    every = ranked.library.candidates
-    h = ranked.best_known
+def _known_causes_as_likely(ranked: Ranking, law: Law, ln_evidence: float) -> str:
+    """Return a sentence that names known causes that are as likely as a law of this evidence; "" where none are."""
+    every, h = ranked.library.candidates, ranked.best_known
     if h is None or h.ln_weight < ln_evidence:
         return ""
-    return " and ".join(f"{without_underscores(every[m].effect)} {every[m].axis}".strip() for m in h.members)
-
-
-def likeliest_known(s: Search) -> tuple[SelectedCause, ...]:
-    """Return the causes of the likeliest hypothesis without a shape, each with its likeliest constants."""
-    assert s.best_known is not None
-    return selected_causes(s, s.best_known.members)
+    names = " and ".join(f"{without_underscores(every[m].effect)} {every[m].axis}".strip() for m in h.members)
+    more = _more(ranked.searches[0].fit.view.kind)
+    return law_sentences.KNOWN_CAUSE.format(more=more, names=names, law=printed_form(law))
 
 
 @dataclass(frozen=True)
@@ -506,7 +496,7 @@ def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str] = ()) -> 
     held-out misfit, as it has the numbers of the view. known: causes in the model, as --with takes them.
     """
     m = with_them = remaining.fit
-    v, laws, total = m.view, list[LawResult](), 0.0
+    v, laws, total = m.view, list[LawResult](), -np.inf
     hidden = remaining.ln_total < CLAIM
     while not laws or (remaining.ln_total >= 2 * CLAIM and len({o.effect for o in laws}) < MAX_LAWS):
         b = _compared_in(m, remaining, sigma, alone=bool(laws) or hidden)
@@ -517,19 +507,19 @@ def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str] = ()) -> 
         best, others = chosen_law(g, every, _best_else(remaining) - b.ln_known - cost_of_choice)
         if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):
             return Lawful(), m
-        if not laws and best is not None and (as_likely := _known_causes_as_likely(remaining, b.total)):
-            words = law_sentences.KNOWN_CAUSE.format(more=_more(v.kind), names=as_likely, law=printed_form(best))
-            return Lawful((), words, known=likeliest_known(remaining)), m
+        if not laws and best is not None and (as_likely := _known_causes_as_likely(remaining, best, b.total)):
+            assert remaining.best_known is not None
+            causes = selected_causes(remaining, remaining.best_known.members)
+            return Lawful(recommend=as_likely, known=causes), m
         if best is None:
-            if not laws:
-                return Lawful((), what_would_determine(every, others, g, v.kind)), m
-            words = law_sentences.LACK_OF_FIT.format(law=laws[0].expression)
+            lacking = law_sentences.LACK_OF_FIT.format(law=laws[0].expression) if laws else ""
+            words = lacking or what_would_determine(every, others, g, v.kind)
             return Lawful(tuple(laws), words, ln_total=total), with_them
         with_law_too, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
         if _cancels_sensor(best, x):
             words = law_sentences.LACK_OF_FIT.format(law=printed_form(best))
-            return (Lawful(tuple(laws), words, ln_total=total), with_them) if laws else (Lawful((), words), m)
-        with_them, total = with_law_too, total + b.ln_known + best.evidence
+            return Lawful(tuple(laws), words, ln_total=total), with_them
+        with_them, total = with_law_too, max(total, 0.0) + b.ln_known + best.evidence
         ids = [o.effect for o in laws]
         new = found_law(best, x, covariance, (0.0, 0.0), others, v.title, ids, v, (*known, *b.name))
         laws += with_curves(new, best, x, covariance, with_them.residual, g, others)
@@ -554,16 +544,12 @@ def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool 
 
     def gained(planned: Fit) -> float:
         signal = _columns(planned, law, law.expression) @ size[:, None]
-        return expected_ln_bayes(planned, signal, _varied_law(planned, other))
+        return expected_ln_bayes(planned, signal, (_columns(planned, other, e) for e in other.expression.varied()))
 
     best = fastest_manoeuvre(o, gained)
     if not (best.words or asked):
         return ""
     return separation_advice(best.words, best.hours, best.ln_bayes, printed_form(law), printed_form(other))
-
-
-def _varied_law(o: Fit, law: Law) -> Iterator[Array]:
-    return (_columns(o, law, e) for e in law.expression.varied())
 
 
 def _columns(o: Fit, law: Law, e: Expression) -> Array:

@@ -37,7 +37,8 @@ def with_curves(
     remainder (n', C): what the rows leave with the law in the model, in the unit of the columns of the law's place.
     """
     unit = PRINTED.get(law.channel, "arcsec")
-    B, others = law.expression.columns, _of_same_places(law, others)
+    B, alike = law.expression.columns, [o for o in others if (o.channel, o.axis) == (law.channel, law.axis)]
+    others = list({printed_form(o): o for o in alike}.values())[:MAX_OTHERS]
     v, alone = law.expression.variables[0], len(law.expression.variables) == 1
     name = f"{v.name.replace('_', ' ')} [{v.unit or 'as logged'}]"
 
@@ -65,11 +66,6 @@ def with_curves(
             others=tuple((printed_form(o), in_print(_aligned_curve(o, law, k, value, g))) for o in others),
         )))  # fmt: skip
     return tuple(out)
-
-
-def _of_same_places(law: Law, others: Sequence[Law]) -> list[Law]:
-    alike = (o for o in others if (o.channel, o.axis) == (law.channel, law.axis))
-    return list({printed_form(o): o for o in alike}.values())[:MAX_OTHERS]
 
 
 def _held_out(law: Law, x: Array, alone: bool, g: Ground) -> Array:

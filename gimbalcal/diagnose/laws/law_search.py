@@ -205,18 +205,6 @@ class Law:
         """The rows (n', C, q m) that a unit of each coefficient adds, the m of each of q places after the other."""
         return _columns_at(self.places, self.expression.columns)
 
-    def places_in(self, g: Ground) -> tuple[Place, ...]:
-        """Return its places in another ground of the same recordings."""
-        keys = [(p.channel, p.axis) for p in self.places]
-        return tuple(p for p in g.places if (p.channel, p.axis) in keys)
-
-    def columns_in(self, g: Ground) -> Array:
-        """Return columns (n', C, m) of rms one that span those of the law in another ground."""
-        places = self.places_in(g)
-        return _columns_at(
-            places, orthonormal_span(self.expression.of({v.name: v for v in places[0].variables}).columns)
-        )
-
     @property
     def channel(self) -> str:
         """The channel of its places."""
@@ -301,8 +289,8 @@ def _weighed(g: Ground, scored: list[Scored], number: Array) -> list[Law]:
         chosen += _extended_and_refined([s for s in scored if (len(s[1].places) > 1) is several], share)
     if not chosen:
         return []  # nothing is left that any would take away
-    chosen = [(target, e.of({v.name: v for v in target.places[0].variables})) for target, e in chosen]
-    ln = g.evidence([_columns_at(target.places, orthonormal_span(e.columns)) for target, e in chosen])
+    chosen = [(target, e.of(target.places[0].variables)) for target, e in chosen]
+    ln = _evidence_of_spans(g, [(target.places, e) for target, e in chosen])
     laws = []
     for (target, e), gained in zip(chosen, ln, strict=True):
         cost = np.log(3 * number[min(len(e.terms), 3) - 1]) + np.log(e.tried) + _cost_of_unusual(target.places[0], e)
@@ -312,12 +300,19 @@ def _weighed(g: Ground, scored: list[Scored], number: Array) -> list[Law]:
 
 def weighed_in(g: Ground, laws: Sequence[Law]) -> list[Law]:
     """Return laws with their evidence in another ground of the same recordings."""
-    out, ln = list[Law](), g.evidence([law.columns_in(g) for law in laws]) if laws else ()
-    for law, gained in zip(laws, ln, strict=True):
-        places = law.places_in(g)
-        e = law.expression.of({v.name: v for v in places[0].variables})
-        out.append(Law(places, e, float(gained - law.cost), block_response(g, places), law.cost))
-    return out
+    moved = list[tuple[tuple[Place, ...], Expression]]()
+    for law in laws:
+        keys = [(p.channel, p.axis) for p in law.places]
+        places = tuple(p for p in g.places if (p.channel, p.axis) in keys)
+        moved.append((places, law.expression.of(places[0].variables)))
+    ln = _evidence_of_spans(g, moved) if laws else ()
+    return [Law(places, e, float(gained - law.cost), block_response(g, places), law.cost)
+            for law, (places, e), gained in zip(laws, moved, ln, strict=True)]  # fmt: skip
+
+
+def _evidence_of_spans(g: Ground, each: Sequence[tuple[tuple[Place, ...], Expression]]) -> Array:
+    """Return the ln Bayes factor of columns of rms one that span those of each expression, at each of its places."""
+    return g.evidence([_columns_at(places, orthonormal_span(e.columns)) for places, e in each])
 
 
 Scored = tuple[float, "Target", Expression]  # what an expression explains at a target
@@ -414,7 +409,7 @@ def orthonormal_span(X: Array) -> Array:
 
 def _at_rows(e: Expression, response: BlockResponse) -> Expression:
     """Return the expression at the rows that a response is thinned to."""
-    return e.of({v.name: replace(v, x=v.x[response.rows]) for v in e.variables})
+    return e.of(replace(v, x=v.x[response.rows]) for v in e.variables)
 
 
 def trimmed_law(g: Ground, law: Law) -> Law:
@@ -436,8 +431,7 @@ def trimmed_law(g: Ground, law: Law) -> Law:
         if least > MIN_NATS_OF_COLUMN * len(law.places) * variance:
             break
         e = e.without(drop)
-    full = e.of({v.name: v for v in law.expression.variables})
-    return replace(law, expression=full)
+    return replace(law, expression=e.of(law.expression.variables))
 
 
 def centred_jumps(g: Ground, law: Law) -> Law:
@@ -458,7 +452,7 @@ def centred_jumps(g: Ground, law: Law) -> Law:
     # The mean of two correlated constants lies off the ridge of their likelihood.
     if worth - _likelihood_gain(law.response, e) > variance:
         return law
-    return replace(law, expression=e.of({v.name: v for v in law.expression.variables}))
+    return replace(law, expression=e.of(law.expression.variables))
 
 
 def _jump_constants(e: Expression) -> list[tuple[int, int]]:

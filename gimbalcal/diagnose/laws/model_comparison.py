@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.correlated_noise import possible_noises
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, SEPARATION_EVIDENCE
 from gimbalcal.diagnose.evidence.projection import project_all
 from gimbalcal.diagnose.laws.grounds import ground_of_search, ground_of_unit

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gimbalcal.diagnose.evidence.correlated_noise import possible_noises
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import BESIDE, CLAIM, DETECTION_EVIDENCE, PAIR, SINGLE, UNKNOWN, USUAL_CAUSE_BONUS
 from gimbalcal.diagnose.evidence.projection import (
     Projection,

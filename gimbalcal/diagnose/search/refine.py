@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, any_size, projection_of_columns
+from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, any_size, project, rows_like
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, with_values
@@ -76,7 +76,7 @@ def _narrowed_values(o: Fit, c: Candidate, p: Projection, rows: ReducedRows) -> 
             ):
                 there = {**here, f.name: float(value)}
                 X = columns_at(o, c, tuple(there.items()))
-                ln = float(any_size(projection_of_columns(p, rows, X), np.arange(X.shape[1])))
+                ln = float(any_size(project(p.node, rows_like(rows, X)), np.arange(X.shape[1])))
                 refined.append((Variant(tuple(there.items()), (), share / FINE_VALUES), X))
                 tried.append(ln)
                 if ln > best:

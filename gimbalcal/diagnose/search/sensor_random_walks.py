@@ -13,9 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.correlated_noise import SINGLE_WALKS, TRIAD_WALKS
+from gimbalcal.diagnose.evidence.correlated_noise import SINGLE_WALKS, TRIAD_WALKS, possible_noises
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.noises import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.evidence.stated_noise import single_walks_of_stated_noise

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.noises import possible_noises
+from gimbalcal.diagnose.evidence.correlated_noise import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM, SINGLE, USUAL_CAUSE_BONUS
 from gimbalcal.diagnose.evidence.scale import NEAR_PRIOR, NEAR_SIZES, Free
 from gimbalcal.diagnose.library.assemble import assemble_library, constants_of

@@ -9,7 +9,7 @@ r"""From probabilities to a verdict: what is claimed, what stands together, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,10 +41,6 @@ class Decision:
     shapes: tuple[int, ...] = ()
     unknown: float = 0.0
 
-    def scaled(self, share: Callable[[float], float]) -> Decision:
-        """Return the decision with another probability of each cause."""
-        return replace(self, judgements=tuple(replace(j, probability=share(j.probability)) for j in self.judgements))
-
 
 def decide(s: Ranking, threshold: float = CLAIM) -> Decision:
     """Return the verdict on one recording, or on several together.
@@ -69,7 +65,7 @@ def decide(s: Ranking, threshold: float = CLAIM) -> Decision:
     d = Decision("missing-physics" if sure else "not-identifiable", best, judgements, rest, s.unknown)
     if rest or noise_gain(s, best.members) < CLAIM:
         return d
-    return d.scaled(lambda p: UNSURE_FACTOR * p)
+    return replace(d, judgements=tuple(replace(j, probability=UNSURE_FACTOR * j.probability) for j in judgements))
 
 
 def decide_unnamed(s: Ranking) -> Decision:

@@ -303,10 +303,6 @@ class JointFit:
         parts = [part.only({old: new for new, old in enumerate(kept)}) for part in self.parts]
         return joint_fit(parts, [self.causes[i] for i in kept])
 
-    def calibration_without(self, effect_id: str, known: Calibration | None) -> Calibration:
-        """Return the calibration of a model without an effect that was found."""
-        return self.without(effect_id).calibration(known)
-
     @cached_property
     def between(self) -> ConstantsAgreement | None:
         """The agreement of several recordings on the constants of the unit; None for one."""

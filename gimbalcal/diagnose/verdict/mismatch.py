@@ -67,7 +67,9 @@ class Scan:
 
 def scan_data(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, explained: Array | None = None) -> Scan:
     """Scan the data (or what is left beside `explained` columns (R, p)) in one noise."""
-    Q = rows.Q if explained is None or not explained.shape[1] else _with_explained(rows.Q, explained)
+    Q = rows.Q
+    if explained is not None and explained.shape[1]:
+        Q = np.concatenate([Q, orthonormal((explained - Q @ (Q.T @ explained)) / np.abs(explained).max())], axis=1)
     fitted = np.linalg.qr(node.whiten(Q))[0]
     data = np.concatenate([node.whiten(rows.y[:, :1]), rng.standard_normal((len(Q), DRAWS))], axis=1)
     data -= fitted @ (fitted.T @ data)
@@ -88,11 +90,6 @@ def scan_data(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, e
     effective = max(1.0, float(np.log(0.5) / np.log1p(-np.clip(np.median(least), 1e-12, 0.5))))
     bound = -np.expm1(effective * np.log1p(-np.clip(tails, 0.0, 1 - 1e-15)))
     return Scan(tuple(cells), statistic, np.where(family <= 2 / (1 + DRAWS), np.minimum(bound, family), family))
-
-
-def _with_explained(Q: Array, X: Array) -> Array:
-    """Calibration columns Q (R, q) and these as well."""
-    return np.concatenate([Q, orthonormal((X - Q @ (Q.T @ X)) / np.abs(X).max())], axis=1)
 
 
 def _cleared_columns(X: Array, fitted: Array) -> Array:
@@ -151,9 +148,9 @@ def _scan_patterns(o: Fit) -> Iterator[tuple[Json, str, Array]]:
             hours = [round(low * s.time[-1] / 3600, 1), round(high * s.time[-1] / 3600, 1)]
             yield {"hours": hours}, f"between {hours[0]:g} and {hours[1]:g} h", _column((t >= low) & (t < high))
         phase = np.arctan2(s.force[:, 1], s.force[:, 0])
-        for n in (1, 2, 3):
+        for n, ordinal in ((1, "first"), (2, "second"), (3, "third")):
             basis = np.stack([np.cos(n * phase), np.sin(n * phase)], axis=-1)
-            yield {"harmonic": n}, f"at the {_ordinal(n)} harmonic of the sidereal turn", basis
+            yield {"harmonic": n}, f"at the {ordinal} harmonic of the sidereal turn", basis
         yield from _strongest_periods(o)
     yield {"time": "trend"}, "as a trend in time", _column(t)
     yield {"time": "slow"}, "slowly in time", np.cos(np.pi * np.outer(t, np.arange(1, 6)))
@@ -180,10 +177,6 @@ def _strongest_periods(o: Fit) -> list[tuple[Json, str, Array]]:
 
 def _column(x: Array) -> Array:
     return np.asarray(x, dtype=float)[:, None]
-
-
-def _ordinal(n: int) -> str:
-    return {1: "first", 2: "second", 3: "third"}[n]
 
 
 def scanned_mismatches(s: Scan, at_least: int = 0) -> tuple[Mismatch, ...]:

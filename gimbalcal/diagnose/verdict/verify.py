@@ -99,18 +99,11 @@ def _residual(A: Array, y: Array) -> tuple[Array, int]:
 
 def residual_rows(o: Fit, added: Array) -> tuple[Array, Array]:
     """Residuals (n, C) in sigma without and with what was `added` (n, C), the calibration refitted each time."""
-    Z = o.view.noise.weighted(o.Z).reshape(o.residual.size, -1)
-    return _without_fitted_calibration(o, Z, o.residual), _without_fitted_calibration(o, Z, o.residual - added)
-
-
-def _without_fitted_calibration(o: Fit, Z: Array, y: Array) -> Array:
-    """y (n, C) less its calibration, which has the weighted columns Z (n C, q)."""
-    residual, _ = _residual(Z, o.view.noise.weighted(y[:, :, None]).ravel())
-    return (
-        residual.reshape(y.shape)
-        if o.view.noise.weights is None
-        else np.asarray(residual.reshape(y.shape) / np.sqrt(o.view.noise.weights))
-    )
+    noise, shape = o.view.noise, o.residual.shape
+    Z, root = noise.weighted(o.Z).reshape(o.residual.size, -1), 1.0 if noise.weights is None else np.sqrt(noise.weights)
+    rest = (_residual(Z, noise.weighted(y[:, :, None]).ravel())[0] for y in (o.residual, o.residual - added))
+    without, with_added = (r.reshape(shape) / root for r in rest)
+    return without, with_added
 
 
 def known_noise_shifts(f: FittedCauses) -> tuple[Shift, ...]:

@@ -18,7 +18,7 @@ from gimbalcal.diagnose.evidence.projection import (
     log_bayes,
     project,
     project_all,
-    projection_of_columns,
+    rows_like,
     stacked_rows,
 )
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
@@ -151,7 +151,7 @@ def test_columns_that_are_not_in_the_library_are_scored_alike():
     node, Z, X, y = example()
     rows = stacked_rows(Z, X, y, len(y))
     p = project(node, rows)
-    made = projection_of_columns(p, rows, X[:, 1:3])
+    made = project(p.node, rows_like(rows, X[:, 1:3]))
     np.testing.assert_allclose(made.G.whole, p.G.whole[1:3, 1:3], atol=1e-10)
     np.testing.assert_allclose(made.b, p.b[1:3], atol=1e-10)
 

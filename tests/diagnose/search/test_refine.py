@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from gimbalcal.diagnose import diagnose
-from gimbalcal.diagnose.evidence.projection import any_size, projection_of_columns
+from gimbalcal.diagnose.evidence.projection import any_size, project, rows_like
 from gimbalcal.diagnose.library.candidates import layout_of
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.effects import CATALOGUE, parameters
@@ -70,7 +70,7 @@ def test_the_best_of_what_was_tried_is_the_best_there_is(tau):
     tried = any_size(p, np.array([v.index for v in c.variants]))
 
     def less(x):
-        return -float(any_size(projection_of_columns(p, s.rows, columns_at(s.fit, c, (("tau", x),))), np.arange(1)))
+        return -float(any_size(project(p.node, rows_like(s.rows, columns_at(s.fit, c, (("tau", x),)))), np.arange(1)))
 
     best = minimize_scalar(less, bounds=(0.7 * tau, 1.4 * tau), method="bounded", options={"xatol": 0.1})
     nearest = c.variants[int(np.argmax(tried))].constants[0][1]

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from gimbalcal.diagnose.estimated_noise import diagnose_selected
-from gimbalcal.diagnose.evidence.noises import possible_noises
+from gimbalcal.diagnose.evidence.correlated_noise import possible_noises
 from gimbalcal.diagnose.laws import law_claims
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.search import sensor_random_walks

@@ -95,7 +95,7 @@ def test_a_clear_drift_is_no_walk():
 def test_what_wanders_is_said():
     wander = RandomWalkFinding("x", 61.7, 8.2, 4.0, 20.0)
     view, curves = SimpleNamespace(measurement=SimpleNamespace(known_attitude=True)), SimpleNamespace()
-    none = ViewDiagnosis(view, "unexplained", (), (), (), FIT, curves, np.zeros(0))
+    none = ViewDiagnosis(view, "unexplained", (), (), (), FIT, curves)
     only = none.with_walk(wander, only=True)
     golden_text(only.outcome)
     assert only.unexplained[0] == Shape("specific_force x", "a random walk")

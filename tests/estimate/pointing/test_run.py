@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gimbalcal.diagnose.evidence.noises import possible_noises
+from gimbalcal.diagnose.evidence.correlated_noise import possible_noises
 from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.search.ranking import search, selected_causes
