@@ -103,12 +103,6 @@ def lacks_known_attitude(recording: Recording) -> bool:
     return recording.kind.sighting or (not recording.kind.stabilised and not recording.platform.axes)
 
 
-def has_gyroscopes(recording: Recording) -> bool:
-    """Return whether gimbals determine the attitude and gyroscopes were logged, or should have been."""
-    logged = recording.kind.in_positions and recording.has(RATE) and recording.position is not None
-    return bool(recording.platform.axes) and (logged or recording.kind.rotating)
-
-
 def diagnose_recording(request: DiagnosisRequest) -> Diagnosis:
     """Diagnose every view of a recording, and return one diagnosis. Raises InputError where nothing is to compare."""
     recording, notes = request.recording, list[str]()
@@ -155,7 +149,8 @@ def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
     check_one_unit(request)
     alone = "its gyroscopes are not looked at together with other recordings; give it alone for them"
     for r in request.recordings:
-        if has_gyroscopes(r):
+        logged = r.kind.in_positions and r.has(RATE) and r.position is not None  # or should have been
+        if r.platform.axes and (logged or r.kind.rotating):
             request.progress(f"{r.title}: {alone}")
     ids = [baseline_of(r, request.recordings, request.baseline) for r in request.recordings]
     views = [known_view(request.of(r), own) for r, own in zip(request.recordings, ids, strict=True)]

@@ -47,6 +47,17 @@ def orthonormal_columns(A: Array, least: float = MIN_RELATIVE_SINGULAR_VALUE) ->
     return np.asarray(U[:, S > least * S.max(initial=1e-300)])
 
 
+def beyond(Q: Array, A: Array, least: float = 0.0) -> Array:
+    """Return what orthonormal columns Q (R, q) leave of columns A (R, p), or of one (R,).
+
+    least: share of its length that must be left of a column; one of which less is left becomes zero.
+    """
+    rest = A - Q @ (Q.T @ A)
+    if least > 0:
+        rest = np.where(np.linalg.norm(rest, axis=0) > least * np.linalg.norm(A, axis=0), rest, 0.0)
+    return np.asarray(rest)
+
+
 def logsumexp(x: Array, axis: int | None = None) -> Array:
     """Return ln of the sum of exp(x) along an axis, or of all; -inf where every term is."""
     top = x.max(axis=axis, keepdims=True)

@@ -25,7 +25,7 @@ import numpy as np
 from gimbalcal.diagnose.evidence.gram import Gram, triangle_size
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.scale import MIN_MISFIT_SHARE, Channels, log_density_of_scale, log_norm
-from gimbalcal.inference.algebra import orthonormal_columns
+from gimbalcal.inference.algebra import beyond, orthonormal_columns
 from gimbalcal.number import Array
 
 EQUAL_SCATTER_PRIOR = 0.5  # prior probability that all channels scatter alike
@@ -91,7 +91,7 @@ def likeliest_scales(r: Array, J: Array, sample: Sequence[float] = ()) -> Array 
     for _ in range(ROUNDS):
         Q = orthonormal_columns((J / own[:, None]).reshape(r.size, -1))
         y = (r / own).ravel()
-        residual, taken = (y - Q @ (Q.T @ y)).reshape(r.shape), (Q**2).sum(axis=1).reshape(r.shape)
+        residual, taken = beyond(Q, y).reshape(r.shape), (Q**2).sum(axis=1).reshape(r.shape)
         misfit, dof = (residual**2).sum(axis=0) * own**2, len(r) - taken.sum(axis=0)
         if not distinguishable(misfit, dof):
             return None

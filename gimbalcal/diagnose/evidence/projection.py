@@ -21,7 +21,7 @@ from gimbalcal.diagnose.evidence.gram import Gram, triangle_size
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.scale import STATED, Channels, Free, Stated
 from gimbalcal.diagnose.library.candidates import Layout
-from gimbalcal.inference.algebra import eigh, logsumexp, orthonormal
+from gimbalcal.inference.algebra import beyond, eigh, logsumexp, orthonormal
 from gimbalcal.number import Array
 
 MIN_SHARE_OF_COLUMN = 1e-3  # a column of which less is left rests on second-order terms and on noise in its own inputs
@@ -82,12 +82,12 @@ def stacked_rows(
     """Reduced Z (R, z), X (R, P), y (R, m) to `ReducedRows` whose first `low` rows are coloured."""
     Q = orthonormal(Z)
     q, P = Q.shape[1], X.shape[1]
-    y = y - Q @ (Q.T @ y)
+    y = beyond(Q, y)
     A = np.empty((len(X), q + P + y.shape[1]))  # a day of data has gigabytes of columns: one copy, a few at a time
     A[:, :q], A[:, q + P :] = Q, y
     for k in range(0, P, CHUNK):
         part = X[:, k : k + CHUNK]
-        A[:, q + k : q + k + part.shape[1]] = _without_calibration(Q, part)
+        A[:, q + k : q + k + part.shape[1]] = beyond(Q, part, MIN_SHARE_OF_COLUMN)
     tail = A[low:]
     if not len(tail):
         return ReducedRows(A, np.broadcast_to(0.0, (A.shape[1], A.shape[1])), q, P, Q, y, scale, unit)
@@ -97,7 +97,7 @@ def stacked_rows(
 def append_columns(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
     """`rows` of columns X (R, P) with `new` (R, p) behind them: as `stacked_rows` makes them, faster for a few."""
     q, P, low = rows.q, rows.P, len(rows.low)
-    remainder = _without_calibration(rows.Q, new)
+    remainder = beyond(rows.Q, new, MIN_SHARE_OF_COLUMN)
     visible = rows.low[:, q : q + P].any(axis=0) | (np.diag(rows.high)[q : q + P] > 0)
     N = remainder[low:]
     QN = rows.Q[low:].T @ N
@@ -110,13 +110,6 @@ def append_columns(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
     high[at] = high[:, at].T
     columns = np.concatenate([rows.low[:, : at.start], remainder[:low], rows.low[:, at.start :]], axis=1)
     return ReducedRows(columns, high, q, P + N.shape[1], rows.Q, rows.y, rows.scale, rows.unit)
-
-
-def _without_calibration(Q: Array, X: Array) -> Array:
-    """X (R, P) cleared of the calibration, and zero where that leaves nothing to speak of."""
-    remainder = X - Q @ (Q.T @ X)
-    visible = np.linalg.norm(remainder, axis=0) > MIN_SHARE_OF_COLUMN * np.linalg.norm(X, axis=0)
-    return np.asarray(np.where(visible, remainder, 0.0))
 
 
 def project_all(
@@ -185,7 +178,7 @@ def _grown_projection(p: Projection, rows: ReducedRows) -> Projection:
 def rows_like(rows: ReducedRows, X: Array, low: int = 0) -> ReducedRows:
     """Return the same calibration and data with other columns, `low` rows or more of them coloured."""
     Q = rows.Q
-    X = X - Q @ (Q.T @ X)
+    X = beyond(Q, X)
     A = np.concatenate([Q, X, rows.y], axis=1)
     low = max(low, rows.low.shape[0])
     return ReducedRows(A[:low], A[low:].T @ A[low:], rows.q, X.shape[1], Q, rows.y, rows.scale, rows.unit)
@@ -237,12 +230,12 @@ def gather_evidence(projections: Sequence[Projection], layout: Layout) -> Array:
     return np.asarray(np.logaddexp.reduceat(ln + layout.log_share, layout.starts, axis=1))
 
 
-def at_best(p: Projection, layout: Layout) -> Array:
-    """ln BF (candidates,) of every single candidate at its own best size and variant."""
-    ln = np.empty(len(layout.log_share))
+def by_size(p: Projection, layout: Layout) -> Array:
+    """ln BF (candidates, sizes) of every single candidate at its best variant, for each of the finest sizes."""
+    ln = np.empty((len(layout.log_share), len(p.scale.any_size)))
     for members, index in layout.widths:
-        ln[members] = log_bayes(p, index, p.scale.any_size).max(axis=-1)
-    return np.maximum.reduceat(ln, layout.starts)
+        ln[members] = log_bayes(p, index, p.scale.any_size)
+    return np.maximum.reduceat(ln, layout.starts, axis=0)
 
 
 def condition_on(p: Projection, columns: Array, size: float) -> Projection:

@@ -17,7 +17,7 @@ from gimbalcal.diagnose.library.shapes import MIN_TRAVEL_RAD, RIVAL_SIGMA
 from gimbalcal.diagnose.library.variables import joined_variables, variables
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.effects import Stage
-from gimbalcal.inference.algebra import block_diagonal, orthonormal
+from gimbalcal.inference.algebra import beyond, block_diagonal, orthonormal
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
 
@@ -48,7 +48,7 @@ def ground_of_search(s: Search, node: Node, sigma: float = 1.0) -> Ground | None
         rows = rows_like(s.rows, X)
         return bayes_factors([project(p.node, rows) for p in s.projections], layout_of(of))[1]
 
-    return Ground(places, lambda X: node.whiten(s.fit.reduced(X)) / sigma, Q, y - Q @ (Q.T @ y), evidence, (n, C))
+    return Ground(places, lambda X: node.whiten(s.fit.reduced(X)) / sigma, Q, beyond(Q, y), evidence, (n, C))
 
 
 def _places(fit: Fit) -> list[Place]:

@@ -45,7 +45,7 @@ from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
 from gimbalcal.diagnose.verdict.separation import expected_ln_bayes, fastest_manoeuvre
 from gimbalcal.diagnose.verdict.verify import residual_rows, row_sigma, verify
 from gimbalcal.effects import Stage
-from gimbalcal.inference.algebra import logsumexp, orthonormal, orthonormal_columns
+from gimbalcal.inference.algebra import beyond, logsumexp, orthonormal, orthonormal_columns
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit
@@ -398,7 +398,7 @@ def _visible_columns(m: Fit, columns: Array) -> int:
     """Return how many of the columns (n, C, q) of a formula the model does not hold already."""
     Q, A = orthonormal_columns(m.reduced(m.jacobian)), m.reduced(columns)
     norm = np.linalg.norm(A, axis=0)
-    remainder = (A - Q @ (Q.T @ A)) / np.where(norm > 0, norm, 1.0)
+    remainder = beyond(Q, A) / np.where(norm > 0, norm, 1.0)
     return int(np.linalg.matrix_rank(remainder, tol=MIN_SHARE_OF_COLUMN))
 
 
@@ -422,8 +422,8 @@ def _explains_more(s: Search, law: Law, names: Container[Key], terms: Terms) -> 
 def _terms_of(s: Search, law: Law) -> Terms:
     """Return causes with those columns of the library that a law spans, as a cubic spans the square."""
     Q, A = s.rows.Q, s.fit.reduced(law.columns)
-    spanned, X = orthonormal_columns(A - Q @ (Q.T @ A)), s.library.X - Q @ (Q.T @ s.library.X)
-    inside = np.linalg.norm(X - spanned @ (spanned.T @ X), axis=0) < SAME_COLUMN * np.linalg.norm(X, axis=0)
+    spanned, X = orthonormal_columns(beyond(Q, A)), beyond(Q, s.library.X)
+    inside = np.linalg.norm(beyond(spanned, X), axis=0) < SAME_COLUMN * np.linalg.norm(X, axis=0)
     known = (c for c in s.library.candidates if not c.rival)
     return [(c.key, v.index) for c in known for v in c.variants if inside[list(v.index)].all()]
 
@@ -436,8 +436,8 @@ def _differs_from_causes(s: Search, law: Law, X: Array) -> bool:
     """
     node, Q, _, added = _whitened(s, law)
     X = node.whiten(X)
-    causes = orthonormal_columns(X - Q @ (Q.T @ X))
-    rest = float(((added - causes @ (causes.T @ added)) ** 2).sum())
+    causes = orthonormal_columns(beyond(Q, X))
+    rest = float((beyond(causes, added) ** 2).sum())
     return rest > max(SAME_RESPONSE * float((added**2).sum()), MIN_DIFFERENCE)
 
 
@@ -466,7 +466,7 @@ def _whitened(s: Search, law: Law) -> tuple[Node, Array, Array, Array]:
     """
     node = fit_causes(with_law(s, law.columns)[0], (0,)).projection.node
     Q = orthonormal(node.whiten(s.rows.Q))
-    A, data = (B - Q @ (Q.T @ B) for B in (node.whiten(s.fit.reduced(law.columns)), node.whiten(s.rows.y[:, :1])))
+    A, data = (beyond(Q, B) for B in (node.whiten(s.fit.reduced(law.columns)), node.whiten(s.rows.y[:, :1])))
     B, y = orthonormal_columns(A), data[:, 0]
     added = B @ (B.T @ y)
     sigma = np.sqrt(((y - added) ** 2).sum() / max(len(y) - Q.shape[1] - B.shape[1], 1))

@@ -20,7 +20,7 @@ from gimbalcal.diagnose.answer import PRINTED
 from gimbalcal.diagnose.laws.law_file import printed_form
 from gimbalcal.diagnose.laws.law_search import MIN_SHARE_OF_COLUMN, Ground, Law, Place
 from gimbalcal.diagnose.result import LawCurve, LawResult
-from gimbalcal.inference.algebra import orthonormal_columns
+from gimbalcal.inference.algebra import beyond, orthonormal_columns
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 
@@ -86,10 +86,10 @@ def _held_out(law: Law, x: Array, alone: bool, g: Ground) -> Array:
         N = orthonormal_columns(
             np.concatenate([g.remainder(g.whiten(place.columns(even))) for place in law.places], axis=1)
         )
-        others, left_out = A - N @ (N.T @ A), np.isin(block, own)
+        others, left_out = beyond(N, A), np.isin(block, own)
         if left_out.all() or (np.linalg.norm(others, axis=0) < MIN_SHARE_OF_COLUMN * np.linalg.norm(A, axis=0)).any():
             continue
-        size = np.linalg.lstsq(others, g.y - N @ (N.T @ g.y), rcond=1e-9)[0].reshape(x.shape)
+        size = np.linalg.lstsq(others, beyond(N, g.y), rcond=1e-9)[0].reshape(x.shape)
         for q, place in enumerate(law.places):
             out[q, left_out] = _shifted_curve(B @ size[q], value[:, q], law, place, g, ~left_out)[left_out]
     return out

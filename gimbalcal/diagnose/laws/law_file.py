@@ -149,7 +149,10 @@ def _words_of_term(t: Term, letters: Sequence[str], codes: Sequence[str]) -> tup
             for a, b in itertools.pairwise(t.constants)
         ]
     else:
-        coded = [_form_as_python(w).format(*codes, x=code) for w in t.words]
+        python = list(t.words)
+        for of, to in PYTHON_NAMES:
+            python = [w.replace(of, to) for w in python]
+        coded = [w.format(*codes, x=code) for w in python]
     return [w.format(*letters, x=x) for w in words], coded
 
 
@@ -159,13 +162,6 @@ def _coefficient_divisor(t: Term, k: int) -> str:
     return (
         f"/{unit_as_factor(t.variable.unit)}" + (f"^{power}" if power > 1 else "") if power and t.variable.unit else ""
     )
-
-
-def _form_as_python(words: str) -> str:
-    """A form as Python."""
-    for of, to in PYTHON_NAMES:
-        words = words.replace(of, to)
-    return words
 
 
 def printed_form(law: Law) -> str:

@@ -44,7 +44,7 @@ from gimbalcal.diagnose.laws.expressions import (
 )
 from gimbalcal.diagnose.library.variables import Variable
 from gimbalcal.effects import Stimulus
-from gimbalcal.inference.algebra import orthonormal, orthonormal_columns
+from gimbalcal.inference.algebra import beyond, orthonormal, orthonormal_columns
 from gimbalcal.inference.levenberg import minimise
 from gimbalcal.number import Array
 
@@ -113,7 +113,7 @@ class Ground:
 
     def remainder(self, A: Array) -> Array:
         """Return what the calibration leaves of whitened columns A (R, m)."""
-        return np.asarray(A - self.Q @ (self.Q.T @ A))
+        return beyond(self.Q, A)
 
 
 @dataclass(frozen=True, eq=False)
@@ -695,7 +695,7 @@ def aliases(g: Ground, law: Law) -> list[Law]:
         for n in range(1, ORDERS + 1) if t.form.key == "harmonic" else ():
             other = replace(law, expression=law.expression.at([(i, 0, float(n))]))
             Q = span(other) if n != t.constants[0] else own[:, :0]
-            if Q.shape == own.shape and np.linalg.norm(Q - own @ (own.T @ Q), 2) < SAME_SPACE:
+            if Q.shape == own.shape and np.linalg.norm(beyond(own, Q), 2) < SAME_SPACE:
                 out.append(other)
     return out
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gimbalcal.diagnose.library.candidates import (
     Candidate,
@@ -23,7 +22,7 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter
 from gimbalcal.effects.effect import Grid, constants, order_of
 from gimbalcal.effects.grids import Constant, kind, resolved_numbers
 from gimbalcal.forward import Rows
-from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.inference.algebra import beyond, orthonormal
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, View, absent_effect
 
@@ -110,8 +109,10 @@ def _of_effect(maker: _Columns, effect_id: str, blocks: list[Array]) -> list[Can
     )  # fmt: skip
     if not v.noise.scale_known and there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):
         first = absent_effect(effect_id, v.stimulus, "", **dict(constant_choices(cls, v.stimulus)[0]))
-        own = _columns_beyond(np.nan_to_num(maker.rows.columns(first, wanted)), maker.taken)
-        wanted = tuple(p for p, shown in zip(wanted, own, strict=True) if shown or p.axis not in v.stimulus.axis_names)
+        own = np.nan_to_num(maker.rows.columns(first, wanted)).reshape(len(maker.taken), -1)
+        moved = np.any(beyond(maker.taken, own, STILL_SHARE), axis=0).tolist()  # but for the drift of a readout
+        still = {p for p, moves in zip(wanted, moved, strict=True) if not moves and p.axis in v.stimulus.axis_names}
+        wanted = tuple(p for p in wanted if p not in still)
     if not wanted:
         return []
 
@@ -167,11 +168,11 @@ def _likeliest_choices(
     """
     Q = orthonormal(o.reduced(o.Z))
     r = o.reduced(o.residual[:, :, None])[:, 0]
-    r = r - Q @ (Q.T @ r)
+    r = beyond(Q, r)
     taken = []
     for choice in every:
         X = columns(absent_effect(cls.id, o.view.stimulus, source, **dict(choice)))
-        taken.append(float(((orthonormal(X - Q @ (Q.T @ X)).T @ r) ** 2).sum()) if X.any() else 0.0)
+        taken.append(float(((orthonormal(beyond(Q, X)).T @ r) ** 2).sum()) if X.any() else 0.0)
     return [every[i] for i in sorted(np.argsort(taken)[::-1][:MAX_CHOICES])]
 
 
@@ -184,22 +185,14 @@ def _clear_of_noise(v: View, X: Array, misfit: Array, taken: Array) -> Array:
     if not v.measurement.reads_force:
         return X
     A = X.reshape(len(taken), -1)
-    remainder = np.linalg.norm(A - taken @ (taken.T @ A), axis=0)
     noise = MISFIT_RATIO_OF_ORDERS * float(np.sqrt(np.mean(misfit**2))) / v.stimulus.gravity
-    return np.asarray(X * (remainder > noise * np.linalg.norm(A, axis=0)))
+    return np.asarray(X * beyond(taken, A, noise).any(axis=0))
 
 
 def orthonormal_basis(J: Array) -> Array:
     """Orthonormal basis (n C, q) of columns J (n, C, p), whatever their units."""
     A = J.reshape(J.shape[0] * J.shape[1], -1)
     return orthonormal(A / (np.linalg.norm(A, axis=0) + 1e-300))
-
-
-def _columns_beyond(X: Array, Q: Array) -> NDArray[np.bool_]:
-    """Return which of the columns X (n, C, p) are more than what Q (n C, q) spans."""
-    A = X.reshape(len(Q), -1)
-    remainder = np.linalg.norm(A - Q @ (Q.T @ A), axis=0)
-    return np.asarray(remainder > STILL_SHARE * np.linalg.norm(A, axis=0))
 
 
 def _scanned_orders(

@@ -14,7 +14,7 @@ from numpy.polynomial import legendre
 from gimbalcal.diagnose.library.candidates import Candidate, Variant, appended_to
 from gimbalcal.effects import Stage
 from gimbalcal.effects.history import smoothed_rate
-from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.inference.algebra import beyond, orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import Fit, View
@@ -61,7 +61,7 @@ def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
     def normalised(X: Array) -> Array:
         """Return columns of length one, less what the calibration constants take up of them."""
         X = X[:MAX_JUDGED_ROWS]
-        remainder = X - Q @ (Q.T @ X)
+        remainder = beyond(Q, X)
         size = np.sqrt((remainder**2).sum(axis=0))
         return remainder / np.where(size > 1e-3 * np.sqrt((X**2).sum(axis=0)) + 1e-300, size, np.inf)
 
@@ -157,7 +157,7 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
         for name, words, columns in _shapes_of_turned_unit(v, quantity, axis):
             A = (columns * w[..., None]).reshape(len(taken), -1)
             A = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-            remainder = A - Q @ (Q.T @ A)
+            remainder = beyond(Q, A)
             _, S, Vt = np.linalg.svd(remainder, full_matrices=False)
             clear = S > MIN_SHAPE_SHARE
             X = remainder @ Vt[clear].T / S[clear] * np.sqrt(misfit.size) * rms
@@ -203,7 +203,7 @@ def _of_rate(rate: Array) -> Array:
 def _combinations_beyond(X: Array, Q: Array) -> Array:
     """Combinations (n, C, q) of unit columns X (n, C, p) of which Q (n C, m) leaves more than `MIN_SHAPE_SHARE`."""
     A = X.reshape(len(Q), -1)
-    _, S, Vt = np.linalg.svd(A - Q @ (Q.T @ A), full_matrices=False)
+    _, S, Vt = np.linalg.svd(beyond(Q, A), full_matrices=False)
     clear = S > MIN_SHAPE_SHARE * np.sqrt(len(X))
     remainder = X if np.all(clear) else X @ Vt[clear].T
     unit = unit_rms(remainder.reshape(len(Q), -1)).reshape(remainder.shape)
@@ -380,7 +380,7 @@ def _above_second(angle: Array) -> Array:
     high = _waves(angle, range(3, 9))
     Q = np.linalg.svd(low, full_matrices=False)
     base = Q[0][:, Q[1] > 1e-6 * Q[1][0]]
-    U, S, _ = np.linalg.svd(high - base @ (base.T @ high), full_matrices=False)
+    U, S, _ = np.linalg.svd(beyond(base, high), full_matrices=False)
     return np.asarray(U[:, S > 1e-2 * np.sqrt(len(angle))] * np.sqrt(len(angle)))
 
 

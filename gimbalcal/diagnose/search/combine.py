@@ -15,7 +15,7 @@ would otherwise lose to a wrong cause whose evidence accumulates.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,24 +25,6 @@ from gimbalcal.diagnose.search.ranking import ABSENT, Ranking, Search, evidence_
 from gimbalcal.number import Array
 
 Pairs = dict[tuple[int, ...], dict[int, float]]
-
-
-@dataclass(frozen=True)
-class CombinedRanking(Ranking):
-    """A ranking over several searches; `places` (candidates, views): of each candidate in each library, or `ABSENT`."""
-
-    each: tuple[Search, ...]
-    places: Array
-
-    @property
-    def searches(self) -> tuple[Search, ...]:
-        """The search of each view."""
-        return self.each
-
-    @property
-    def place(self) -> Array:
-        """The ordinal of each candidate in the library of each view (candidates, views), or `ABSENT`."""
-        return self.places
 
 
 def matched_candidates(searches: Sequence[Search]) -> tuple[tuple[Candidate, ...], Array]:
@@ -69,7 +51,7 @@ def combine_rankings(searches: Sequence[Search]) -> Ranking:
         return searches[0]
     candidates, place = matched_candidates(searches)
     prior = log_priors(candidates)
-    c = CombinedRanking(Library(candidates, np.zeros((0, 0))), (), prior, tuple(searches), place)
+    c = Ranking(Library(candidates, np.zeros((0, 0))), (), prior, views=tuple(searches), places=place)
     ln = c.summed([s.singles for s in searches])
     own = [{} if ln.max() > DETECTION_EVIDENCE else _own_pairs(s) for s in searches]
 
@@ -80,9 +62,7 @@ def combine_rankings(searches: Sequence[Search]) -> Ranking:
     return replace(c, hypotheses=hypotheses, share=share)
 
 
-def _with_second(
-    c: CombinedRanking, members: Sequence[int], seconds: Sequence[int], keep: int, own: Sequence[Pairs]
-) -> Array:
+def _with_second(c: Ranking, members: Sequence[int], seconds: Sequence[int], keep: int, own: Sequence[Pairs]) -> Array:
     """ln BF (candidates,) against nothing of `members` with each of `seconds`, added up over the recordings.
 
     What a recording has judged already is taken from `own`.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -71,22 +71,25 @@ def total_weight(hypotheses: Sequence[Hypothesis]) -> float:
 class Ranking:
     """Candidates, and hypotheses over them, best first, by one view or by several of one unit.
 
-    share: ln prior share (candidates,) of each alone.
+    share: ln prior share (candidates,) of each alone. views: of several views the search of each; places (candidates,
+    views): of each candidate in each library, or `ABSENT`.
     """
 
     library: Library
     hypotheses: tuple[Hypothesis, ...]
     share: Array
+    views: tuple[Search, ...] = field(default=(), kw_only=True)
+    places: Array = field(default_factory=lambda: np.zeros((0, 0), dtype=int), kw_only=True)
 
     @property
     def searches(self) -> tuple[Search, ...]:
         """The search of each view."""
-        raise NotImplementedError
+        return self.views
 
     @property
     def place(self) -> Array:
         """The ordinal of each candidate in the library of each view (candidates, views), or `ABSENT`."""
-        raise NotImplementedError
+        return self.places
 
     def within(self, members: Sequence[int], view: int) -> tuple[int, ...]:
         """Return the ordinals of these candidates in the library of one view, without those that it does not see."""

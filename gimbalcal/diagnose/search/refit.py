@@ -13,12 +13,13 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, 
 from gimbalcal.effects.effect import Grid, constants
 from gimbalcal.effects.grids import kind
 from gimbalcal.errors import InputError
-from gimbalcal.inference.algebra import orthonormal_columns
+from gimbalcal.inference.algebra import beyond, orthonormal_columns
 from gimbalcal.inference.levenberg import covariance_at_minimum, minimise
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, View, range_of_constants
 
 RANK = 1e-7  # relative singular value of a modelled column below which it is one of the others again
+MIN_DIRECTION = 1e-9  # relative singular value of a direction in which the rows move at all
 CONVERGED_STEP = 1e-7  # step in prior sigmas at which a fit has arrived
 ROUNDS = 3  # of fits in the scales that the one before leaves of each channel
 SCALES_AGREE = 0.03  # relative change of a scale at which these rounds end
@@ -77,7 +78,9 @@ def _least_squares_minimum(v: View, effects: Sequence[Effect], wanted: Sequence[
     scale, alike = np.array([p.sigma for p in wanted]), v.of_scales().noise.weighted
     x0, c, again = values(effects, wanted), np.zeros(0), False
     r, J = v.linearised(effects, wanted)
-    free = _visible_directions(_remaining_misfit(alike(r), alike(J) * scale), alike(J) * scale)
+    columns, rest = alike(J) * scale, alike(r).ravel()
+    U, S, _ = np.linalg.svd(columns.reshape(r.size, -1), full_matrices=False)
+    free = _visible_directions(beyond(U[:, S > MIN_DIRECTION * S.max(initial=0.0)], rest), columns)
     while True:
         model, c = _minimum_over(v, effects, wanted, x0, free * scale[:, None], np.resize(c, free.shape[1]))
         r, J = v.linearised(model, wanted)
@@ -111,19 +114,11 @@ def _minimum_over(
     return with_values(effects, wanted, np.clip(x0 + free @ minimum.x[0], low, high), names), minimum.x[0]
 
 
-def _remaining_misfit(r: Array, J: Array) -> Array:
-    """Return what a linear model with columns J (n, C, p) leaves of the misfit (n, C)."""
-    U, S, _ = np.linalg.svd(J.reshape(r.size, -1), full_matrices=False)
-    U = U[:, S > 1e-9 * S.max(initial=0.0)]
-    return np.asarray(r - (U @ (U.T @ r.ravel())).reshape(r.shape))
-
-
 def _visible_directions(r: Array, J: Array) -> Array:
-    """Directions (p, q) in which a prior sigma moves the rows by more than 1 % of what is left."""
+    """Directions (p, q) in which a prior sigma moves the rows by more than 1 % of what is left, r (n, C) or (n C,)."""
     n, y = r.size, r.ravel()
     _, S, Vt = np.linalg.svd(J.reshape(n, -1), full_matrices=False)
-    keep = S > 1e-9 * S.max(initial=0.0)
-    keep &= S > 0.01 * np.sqrt(float(y @ y) / n)
+    keep = (S > MIN_DIRECTION * S.max(initial=0.0)) & (S > 0.01 * np.sqrt(float(y @ y) / n))
     return np.asarray(Vt[keep].T)
 
 
@@ -155,7 +150,7 @@ def fitted_columns(m: Fit, X: Array) -> tuple[Fit, Array, Array]:
         extended.reduced(X),
         extended.reduced(m.residual[..., None])[:, 0],
     )
-    remainder = A - Q @ (Q.T @ A)
+    remainder = beyond(Q, A)
     x = np.linalg.lstsq(remainder, y, rcond=1e-9)[0]
     dof = max(len(y) - Q.shape[1] - X.shape[-1], 1)
     variance = float((extended.reduced(extended.residual[..., None]) ** 2).sum()) / dof
@@ -181,8 +176,7 @@ def constants_with_sigma(m: Fit, effect_id: str) -> list[tuple[Parameter, float,
     effect = next(e for e in m.effects if e.id == effect_id)
     X = m.view.evaluate(m.effects).columns(effect, wanted) if wanted else np.zeros((*m.residual.shape, 0))
     Q, A, y = orthonormal_columns(m.reduced(m.jacobian)), m.reduced(X), m.reduced(m.residual[..., None])
-    remainder = A - Q @ (Q.T @ A)
-    remainder = np.where(np.linalg.norm(remainder, axis=0) > RANK * np.linalg.norm(A, axis=0), remainder, 0.0)
+    remainder = beyond(Q, A, RANK)
     variance = float((y**2).sum()) / max(len(y) - Q.shape[1] - len(wanted), 1)
     sigma = np.sqrt(variance * np.diag(covariance_at_minimum(remainder[None])[0]))
     with_sigma = zip(wanted, sigma, strict=True)

@@ -30,7 +30,7 @@ from gimbalcal.effects import CATALOGUE, Parameter, values
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.sensor_grades import most_of_any_unit
 from gimbalcal.errors import InputError
-from gimbalcal.inference.algebra import orthonormal_columns
+from gimbalcal.inference.algebra import beyond, orthonormal_columns
 from gimbalcal.inference.information import keeps_prior
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
@@ -138,7 +138,7 @@ def cancelling_causes(c: SearchResult) -> list[SelectedCause]:
         at = [i for i, p in enumerate(m.parameters) if (p.effect, p.field, p.axis) in own]
         added = m.reduced((m.jacobian[..., at] @ x[at])[..., None])[:, 0]
         misfit = m.reduced(c.start.residual[..., None])
-        if np.linalg.norm(added - Q @ (Q.T @ added)) > SERIES * np.linalg.norm(misfit):
+        if np.linalg.norm(beyond(Q, added)) > SERIES * np.linalg.norm(misfit):
             out.append((cause, variant))
     return out
 

@@ -86,10 +86,6 @@ class RecordingPart:
         """The causes that the recording shows."""
         return tuple(c for c, _ in self.fit.causes)
 
-    def cause(self, ordinal: int) -> Candidate:
-        """Return a cause as the recording shows it."""
-        return self.causes[self.ordinals.index(ordinal)]
-
     def significance(self, ordinal: int) -> float:
         """Return the significance [sigma] of a cause beyond all else; zero where it is not shown."""
         return self.fit.significance(self.ordinals.index(ordinal)) if ordinal in self.ordinals else 0.0
@@ -318,7 +314,8 @@ class JointFit:
         Of `known` it holds what these recordings do not.
         """
         mine, effects = self.solution.parameters, {e.id for part in self.parts for e in part.search.fit.effects}
-        chosen = {p: sigma for k in range(len(self.causes)) if self._is_carried(k)
+        carried = {p.effect for p in mine}  # the others are one recording's own
+        chosen = {p: sigma for k, c in enumerate(self.causes) if c.effect in carried
                   for p, _, sigma in self.chosen_constants(k) if p not in mine}  # fmt: skip
         kept = [p for p in (known.parameters if known else ()) if p not in mine and p not in chosen]
         kept = [p for p in kept if p.effect in effects]
@@ -345,10 +342,6 @@ class JointFit:
             readout=Readout(gimbals=views[0].readout.gimbals),
         )
 
-    def _is_carried(self, ordinal: int) -> bool:
-        """Return whether a cause is a part of the solution, and not one recording's own."""
-        return any(p.effect == self.causes[ordinal].effect for p in self.solution.parameters)
-
     def _rms(self) -> dict[str, float]:
         """Root mean square of what is left, SI, by "quantity:axis"; of the first recording that has the channel."""
         out: dict[str, float] = {}
@@ -367,7 +360,7 @@ def joint_fit(parts: Sequence[RecordingPart], causes: Sequence[Candidate]) -> Jo
     """
     wide = _wide_priors(parts)
     alone = [_least_squares(part, wide) for part in parts]
-    each, solution = tuple(one.information for one in alone), alone[0].solution
+    solution, each = alone[0][0], tuple(info for _, _, info, _ in alone)
     if len(parts) > 1:
         solution = _with_sizes(
             solve(reduce(add, _shared_information(parts, each, wide))), _pool_causes(parts, each, wide)
@@ -376,26 +369,21 @@ def joint_fit(parts: Sequence[RecordingPart], causes: Sequence[Candidate]) -> Jo
     solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
     value = dict(zip(solution.parameters, solution.x, strict=True))
     effects: dict[str, Effect] = {}
-    for part, one in zip(parts, alone, strict=True):
+    for part, (_, model, _, _) in zip(parts, alone, strict=True):
         mine = [p for p in part.wanted if p in value]
-        for e in with_values(one.model, mine, np.array([value[p] for p in mine]), names):
+        for e in with_values(model, mine, np.array([value[p] for p in mine]), names):
             effects.setdefault(e.id, e)
-    converged = all(one.converged for one in alone)
+    converged = all(arrived for *_, arrived in alone)
     return JointFit(tuple(parts), tuple(causes), tuple(effects.values()), solution, each, wide, converged)
 
 
-@dataclass(frozen=True, eq=False)
-class _LeastSquares:
-    """The fit to one recording alone: its solution, the model there, and the information of the rows about it."""
+def _least_squares(
+    part: RecordingPart, wide: Mapping[Parameter, Parameter]
+) -> tuple[Solution, tuple[Effect, ...], Information, bool]:
+    """Return the fit to one recording, linearised again until nothing moves, by steps that never raise chi^2.
 
-    solution: Solution
-    model: tuple[Effect, ...]
-    information: Information
-    converged: bool
-
-
-def _least_squares(part: RecordingPart, wide: Mapping[Parameter, Parameter]) -> _LeastSquares:
-    """Return the fit to one recording, linearised again until nothing moves, by steps that never raise chi^2."""
+    It is the solution, the model there, the information of the rows about it, and whether it converged.
+    """
     model, wanted, s = part.start, part.wanted, part.search.fit.view.stimulus
     priors, tried = tuple(wide.get(p, p) for p in wanted), dict[bytes, Information]()
     last: Array | None = None
@@ -424,7 +412,7 @@ def _least_squares(part: RecordingPart, wide: Mapping[Parameter, Parameter]) -> 
     info = linearise(last)
     if not steps:  # the last step was not tried
         solution = replace(solution, x=last, chi2=chi2(info, last))
-    return _LeastSquares(solution, with_values(model, wanted, solution.x, s.axis_names), info, bool(steps))
+    return solution, with_values(model, wanted, solution.x, s.axis_names), info, bool(steps)
 
 
 def _pool_causes(

@@ -17,8 +17,7 @@ from gimbalcal.diagnose.evidence.odds import (
     SURE_PROBABILITY,
     UNSURE_FACTOR,
 )
-from gimbalcal.diagnose.evidence.projection import Projection, any_size, at_best, log_bayes, project
-from gimbalcal.diagnose.evidence.scale import ANY_SIZE
+from gimbalcal.diagnose.evidence.projection import Projection, any_size, by_size, project
 from gimbalcal.diagnose.library.assemble import every_number
 from gimbalcal.diagnose.library.candidates import Candidate
 from gimbalcal.diagnose.search.ranking import (
@@ -153,7 +152,7 @@ def _evidence_of_any_size(s: Search, others: Sequence[int]) -> Array:
     rows = []
     for k in sorted(weightiest_noises(s.projections, np.maximum(s.joint.max(axis=1), s.null), len(s.null))):
         here, gained = given_all(s.projections[k], [s.library.candidates[i] for i in others], 0.0)
-        rows.append(at_best(here, s.library.layout) + s.null[k] + gained)
+        rows.append(by_size(here, s.library.layout).max(axis=1) + s.null[k] + gained)
     return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
 
 
@@ -167,21 +166,11 @@ def _evidence_of_common_size(c: Ranking, others: Sequence[int]) -> Array:
         rows, base = [], []
         for p, ln in zip(s.projections, s.null, strict=True):
             here, gained = given_all(p, [s.library.candidates[i] for i in c.within(others, k)], float(ln))
-            rows.append(_by_size(here, s.library.candidates) + gained)
+            rows.append(by_size(here, s.library.layout) + gained)
             base.append(gained)
         values.append(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
         without.append(logsumexp(np.array(base)) - logsumexp(s.null))
     return np.asarray(c.summed(values, without).max(axis=1))
-
-
-def _by_size(p: Projection, candidates: Sequence[Candidate]) -> Array:
-    """Return the ln Bayes factor (candidates, sizes) of each known cause at its best constants."""
-    out = np.zeros((len(candidates), len(ANY_SIZE)))
-    for i, c in enumerate(candidates):
-        if not c.rival:
-            at = np.array([v.index for v in c.variants])
-            out[i] = log_bayes(p, at, ANY_SIZE).max(axis=0)
-    return out
 
 
 def judged_without(end: Fit, taken: Candidate) -> Judgement:

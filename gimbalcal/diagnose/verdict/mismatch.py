@@ -21,7 +21,7 @@ from gimbalcal.diagnose.library.shapes import shapes_of
 from gimbalcal.diagnose.result import Mismatch
 from gimbalcal.diagnose.search.ranking import projections_of
 from gimbalcal.entries import Json
-from gimbalcal.inference.algebra import orthonormal, orthonormal_columns
+from gimbalcal.inference.algebra import beyond, orthonormal, orthonormal_columns
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -69,7 +69,7 @@ def scan_data(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, e
     """Scan the data (or what is left beside `explained` columns (R, p)) in one noise."""
     Q = rows.Q
     if explained is not None and explained.shape[1]:
-        Q = np.concatenate([Q, orthonormal((explained - Q @ (Q.T @ explained)) / np.abs(explained).max())], axis=1)
+        Q = np.concatenate([Q, orthonormal(beyond(Q, explained) / np.abs(explained).max())], axis=1)
     fitted = np.linalg.qr(node.whiten(Q))[0]
     data = np.concatenate([node.whiten(rows.y[:, :1]), rng.standard_normal((len(Q), DRAWS))], axis=1)
     data -= fitted @ (fitted.T @ data)
@@ -96,7 +96,7 @@ def _cleared_columns(X: Array, fitted: Array) -> Array:
     """Whitened X (R, p) cleared of orthonormal columns, and zero where nothing but rounding is left."""
     size = (X**2).sum(axis=0)
     for _ in range(2):  # once more for what rounding left
-        X = X - fitted @ (fitted.T @ X)
+        X = beyond(fitted, X)
     return np.asarray(X * ((X**2).sum(axis=0) > MIN_SQUARE_LEFT * size))
 
 

@@ -18,7 +18,7 @@ from gimbalcal.design.manoeuvres import available_manoeuvres
 from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, SelectedCause
-from gimbalcal.inference.algebra import orthonormal
+from gimbalcal.inference.algebra import beyond, orthonormal
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
 from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
@@ -67,11 +67,11 @@ def expected_ln_bayes(o: Fit, signal: Array, others: Iterable[Array]) -> float:
     node = nominal_noise(o)
     Q = orthonormal(node.whiten(o.reduced(o.Z)))
     y = node.whiten(signal)[:, 0]
-    y = y - Q @ (Q.T @ y)
+    y = beyond(Q, y)
     least = float(y @ y)
     for columns in others:
         X = node.whiten(columns)
-        X = X - Q @ (Q.T @ X)
+        X = beyond(Q, X)
         residual = y - X @ np.linalg.lstsq(X, y, rcond=1e-9)[0]
         least = min(least, float(residual @ residual))
     return least / 2

@@ -18,7 +18,7 @@ from gimbalcal.diagnose.search.fitted_causes import FittedCauses
 from gimbalcal.diagnose.search.stepwise import SearchResult
 from gimbalcal.effects import Parameter, values
 from gimbalcal.errors import InputError
-from gimbalcal.inference.algebra import eigh, orthonormal_columns
+from gimbalcal.inference.algebra import beyond, eigh, orthonormal_columns
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit
@@ -82,7 +82,7 @@ def held_out(A: Array, y: Array, group: Array) -> Array:
     Directions that the other rows do not show are fitted by the group itself.
     """
     Q = orthonormal_columns(A)
-    e = y - Q @ (Q.T @ y)
+    e = beyond(Q, y)
     out = e.copy()
     for k in np.unique(group):
         rows = group == k
@@ -94,7 +94,7 @@ def held_out(A: Array, y: Array, group: Array) -> Array:
 
 def _residual(A: Array, y: Array) -> tuple[Array, int]:
     Q = orthonormal_columns(A)
-    return y - Q @ (Q.T @ y), Q.shape[1]
+    return beyond(Q, y), Q.shape[1]
 
 
 def residual_rows(o: Fit, added: Array) -> tuple[Array, Array]:
@@ -203,7 +203,7 @@ def held_out_misfit(m: Fit, sigma: Array) -> Array:
     A, r = (m.jacobian / sigma[..., None]).reshape(n * C, -1), (m.residual / sigma).ravel()
     if np.ptp(np.log(sigma * m.view.weight)) > SAME_WEIGHT:  # to the minimum in these sigmas
         Q = _basis(m, sigma)
-        r = r - Q @ (Q.T @ r)
+        r = beyond(Q, r)
     return held_out(A, r, np.repeat(m.view.groups, C)).reshape(n, C)
 
 
