@@ -33,6 +33,14 @@ MIN_TRAVEL_RAD = 1e-2  # a gimbal that moves less stands still
 Shape = tuple[str, str, Array]  # name, in words, basis (n, m)
 
 
+def _shape(
+    blocks: list[Array], name: str, axis: str, words: str, columns: Sequence[Array], channel: str = FORCE
+) -> Candidate:
+    """Return a shape of no cause, any one of the sets of columns (..., p), which are appended to `blocks`."""
+    variants = tuple(Variant((), tuple(appended_to(blocks, X))) for X in columns)
+    return Candidate(f"unknown {name}", axis, (), variants, words, channel=channel)
+
+
 def shapes_in_outputs(o: Fit, blocks: list[Array]) -> list[Candidate]:
     """Return what outputs and gimbals may follow where the scale of the noise is known, per `RIVAL_SIGMA` of a row.
 
@@ -45,9 +53,8 @@ def shapes_in_outputs(o: Fit, blocks: list[Array]) -> list[Candidate]:
         every: list[int] = []
         for axis, along in axes:
             X = np.stack([along * b[:, None] for b in scaled.T], axis=-1)
-            at = tuple(appended_to(blocks, o.reduced(X) * RIVAL_SIGMA))
-            every += at
-            out.append(Candidate(f"unknown {name}", axis, (), (Variant((), at),), rival=words))
+            out.append(_shape(blocks, name, axis, words, [o.reduced(X) * RIVAL_SIGMA]))
+            every += out[-1].variants[0].index
         if len(axes) > 1:
             together = ", ".join(axis for axis, _ in axes)
             out.append(Candidate(f"unknown {name}", together, (), (Variant((), tuple(every)),), rival=words))
@@ -69,13 +76,11 @@ def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
     out = []
     for name, (words, bases) in product_laws(o).items():
         for axis, along in _accelerometer_responses(o):
-            variants = []
-            for basis in bases:
-                X = o.reduced(along[:, :, None] * unit_rms(basis)[:, None, :])
-                if X.any() and np.abs(known.T @ normalised(X)).max(axis=0).min() < MIN_CORRELATION:
-                    variants.append(Variant((), tuple(appended_to(blocks, X * RIVAL_SIGMA))))
-            if variants:
-                out.append(Candidate(f"unknown {name}", axis, (), tuple(variants), rival=words))
+            each = (o.reduced(along[:, :, None] * unit_rms(basis)[:, None, :]) for basis in bases)
+            new = [X * RIVAL_SIGMA for X in each
+                   if X.any() and np.abs(known.T @ normalised(X)).max(axis=0).min() < MIN_CORRELATION]  # fmt: skip
+            if new:
+                out.append(_shape(blocks, name, axis, words, new))
     return out
 
 
@@ -92,28 +97,19 @@ def _accelerometer_responses(o: Fit) -> list[tuple[str, Array]]:
 
 def gimbal_harmonics(o: Fit, blocks: list[Array]) -> list[Candidate]:
     """Errors of each moving gimbal that no bearing or encoder has: high harmonics, or a value at each setting."""
-    out = []
-    for i, axis in enumerate(o.view.stimulus.axis_names):
+    out, names = list[Candidate](), o.view.stimulus.axis_names
+    for i, axis in enumerate(names):
         harmonics = high_harmonics(o.rows.seen[Stage.ENCODER].angle[:, i])
-        words = f"a third or higher harmonic of the {axis} gimbal angle"
-        out += _of_gimbal(o, i, "unknown gimbal angle", words, harmonics, blocks)
-        words = f"a value of its own at each setting of the {axis} gimbal"
-        out += _of_gimbal(o, i, "unknown gimbal setting", words, settings_basis(o.view.stimulus.readout[:, i]), blocks)
+        settings = settings_basis(o.view.stimulus.readout[:, i])
+        for name, words, bases in (
+            ("gimbal angle", f"a third or higher harmonic of the {axis} gimbal angle", harmonics),
+            ("gimbal setting", f"a value of its own at each setting of the {axis} gimbal", settings),
+        ):
+            each = (o.rows.added(Stage.ENCODER, i, basis) for basis in bases)
+            shown = [o.reduced(X / np.abs(X).max()) * RIVAL_SIGMA for X in each if X.any()]
+            if shown:
+                out.append(_shape(blocks, name, axis, words, shown, "gimbal_angle"))
     return out
-
-
-def _of_gimbal(o: Fit, i: int, effect: str, words: str, bases: Sequence[Array], blocks: list[Array]) -> list[Candidate]:
-    variants = []
-    for basis in bases:
-        added = np.zeros((*basis.shape, len(o.view.stimulus.axis_names)))
-        added[:, :, i] = basis
-        X = np.stack([o.rows.through(Stage.ENCODER, added[:, j]) for j in range(basis.shape[1])], axis=-1)
-        size = np.abs(X).max()
-        if size > 0:
-            variants.append(Variant((), tuple(appended_to(blocks, o.reduced(X / size) * RIVAL_SIGMA))))
-    axis = o.view.stimulus.axis_names[i]
-    candidate = Candidate(effect, axis, (), tuple(variants), rival=words, channel="gimbal_angle")
-    return [candidate] if variants else []
 
 
 def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: int) -> tuple[Candidate, ...]:
@@ -140,10 +136,8 @@ def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: i
             X = np.zeros((n, C, scaled.shape[1]))
             X[:, c] = scaled
             X = _combinations_beyond(X / (rms or 1.0), taken) * rms
-            if not X.shape[-1]:
-                continue
-            span = tuple(appended_to(blocks, X))
-            out.append(Candidate(f"unknown {name}", axis, (), (Variant((), span),), words, channel=quantity))
+            if X.shape[-1]:
+                out.append(_shape(blocks, name, axis, words, [X], quantity))
     return tuple(out)
 
 
@@ -163,8 +157,7 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
             X = remainder @ Vt[clear].T / S[clear] * np.sqrt(misfit.size) * rms
             X = X.reshape(*misfit.shape, -1) / w[..., None]
             if X.shape[-1]:
-                span = tuple(appended_to(blocks, X))
-                out.append(Candidate(f"unknown {name}", axis, (), (Variant((), span),), words, channel=quantity))
+                out.append(_shape(blocks, name, axis, words, [X], quantity))
     return tuple(out)
 
 

@@ -117,14 +117,12 @@ def _constant_differences(before: Solution, after: Solution) -> tuple[tuple[Para
 
     And the p-value of the clearest difference among all that both know.
     """
-    from scipy.special import ndtr
-
     both = [p for p in after.parameters if p in before.parameters]
     i, j = ([s.parameters.index(p) for p in both] for s in (before, after))
     d, sigma = after.x[j] - before.x[i], np.hypot(after.sigma[j], before.sigma[i])
     known = np.maximum(after.sigma[j], before.sigma[i]) < KNOWN_SHARE_OF_PRIOR * np.array([p.sigma for p in both])
     clearest = float(np.max(np.abs(d / sigma)[known], initial=0.0))
-    chance = min(1.0, 2 * float(ndtr(-clearest)) * max(int(known.sum()), 1))
+    chance = min(1.0, probability(clearest**2, 1) * max(int(known.sum()), 1))
     order = [k for k in np.argsort(-np.abs(d) / sigma) if known[k] and abs(d[k]) > MIN_DIFFERENCE_SIGMAS * sigma[k]][
         :MAX_NAMED
     ]

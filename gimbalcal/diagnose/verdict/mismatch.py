@@ -212,8 +212,6 @@ def view_mismatches(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
 
 def misfit_patterns(m: Fit) -> tuple[Mismatch, ...]:
     """The shapes that the misfit of the baseline follows, strongest first, by an F test each."""
-    from scipy.special import fdtrc
-
     v, blocks = m.view, list[Array]()
     shapes = shapes_of(v, m.residual, orthonormal_basis(m.jacobian), blocks, free_rows(v, m.parameters))
     X = m.reduced(np.concatenate(blocks, axis=-1))
@@ -227,7 +225,7 @@ def misfit_patterns(m: Fit) -> tuple[Mismatch, ...]:
         y2, taken = float(likeliest.misfit[0]), likeliest.explained(at)
         free = max(dof - len(at), 1)
         F = (taken / len(at)) / max((y2 - taken) / free, 1e-300)
-        p = min(1.0, float(fdtrc(len(at), free, F)) * len(shapes))
+        p = min(1.0, probability(F * len(at), len(at), free) * len(shapes))
         out.append((ln, F, p, c))
     listed = sorted((t for t in out if t[2] < MAX_PATTERN_P), key=lambda t: -t[0])[:MAX_PATTERNS]
     return tuple(_pattern_entry(m, c, F, p) for _, F, p, c in listed)
