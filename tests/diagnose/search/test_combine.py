@@ -12,7 +12,8 @@ from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.odds import SINGLE, UNKNOWN
 from gimbalcal.diagnose.known_noise import compare_causes
 from gimbalcal.diagnose.of_recording import baseline_of
-from gimbalcal.diagnose.search.combine import CombinedRanking, combine_rankings, matched_candidates
+from gimbalcal.diagnose.search.combine import combine_rankings, matched_candidates
+from gimbalcal.diagnose.search.ranking import Ranking
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording import Source
 from gimbalcal.views.known_attitude import view_at_known_attitude
@@ -168,7 +169,7 @@ def test_what_happens_once_is_of_one_recording_and_a_shape_of_one_or_of_all_that
 
 def test_a_recording_that_does_not_see_a_cause_says_what_it_does_without():
     place = np.array([[0, 0], [1, -1]])
-    both = CombinedRanking(None, (), np.zeros(2), (), place)
+    both = Ranking(None, (), np.zeros(2), places=place)
     values = [np.array([1.0, 2.0]), np.array([10.0])]
     np.testing.assert_array_equal(both.summed(values), [11.0, 2.0])
     np.testing.assert_array_equal(both.summed(values, [np.array(100.0), np.array(7.0)]), [11.0, 9.0])
