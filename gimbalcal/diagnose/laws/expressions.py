@@ -378,11 +378,7 @@ class Expression:
         each = [list(t.constants) for t in self.terms]
         for i, j, value in values:
             each[i][j] = value
-        return self.replaced([t.at(*own) for t, own in zip(self.terms, each, strict=True)])
-
-    def replaced(self, terms: Sequence[Term]) -> Expression:
-        """Return the law of other terms of as many columns."""
-        return Expression(tuple(terms), self.kept)
+        return replace(self, terms=tuple(t.at(*own) for t, own in zip(self.terms, each, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -635,7 +635,7 @@ def _with_moved_thresholds(response: BlockResponse, e: Expression) -> Expression
         near = TermGroup((e.terms[i], *moved_threshold(e.terms[i], k)))
         family = tuple(near if n == i else TermGroup((t,)) for n, t in enumerate(e.terms))
         best = int(np.argmax(likelihood_gains(response, response.means(family)).sum(axis=0)))
-        e = e.replaced((*e.terms[:i], near.terms[best], *e.terms[i + 1 :]))
+        e = replace(e, terms=(*e.terms[:i], near.terms[best], *e.terms[i + 1 :]))
     return e
 
 

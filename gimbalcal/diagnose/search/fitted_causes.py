@@ -70,19 +70,17 @@ class FittedCauses:
             out.append(with_values((none,), c.parameters, self.size(n), s.axis_names)[0])
         return out
 
-    def constants(self, member: int) -> tuple[tuple[str, float, float], ...]:
-        """Return the nonlinear constants of one of the causes: name, value and sigma in SI, by fits of all variants."""
-        c, chosen = self.causes[member]
-        others = self.columns_of_others(member)
+    def spread(self, member: int) -> dict[str, float]:
+        """Return one sigma (SI) of each nonlinear constant of one of the causes, by fits of all its variants."""
+        c, others = self.causes[member][0], self.columns_of_others(member)
         ln = np.array([self.projection.explained(v.index, others) / 2 + np.log(v.weight) for v in c.variants])
         w = np.exp(ln - ln.max())
         w /= w.sum()
-        out = []
-        for n, (name, value) in enumerate(chosen.constants):
+        out = {}
+        for n, (name, _) in enumerate(c.variants[0].constants):
             x = np.array([v.constants[n][1] for v in c.variants])
-            sigma = float(np.sqrt(np.sum(w * (x - np.sum(w * x)) ** 2)))
-            out.append((name, float(value), sigma))
-        return tuple(out)
+            out[name] = float(np.sqrt(np.sum(w * (x - np.sum(w * x)) ** 2)))
+        return out
 
     def calibration(self) -> tuple[Array, Array, Array]:
         """Return calibration constants (q,) in prior sigmas without and with the causes, and their sigma with them."""

@@ -90,10 +90,6 @@ class RecordingPart:
         """Return the significance [sigma] of a cause beyond all else; zero where it is not shown."""
         return self.fit.significance(self.ordinals.index(ordinal)) if ordinal in self.ordinals else 0.0
 
-    def spread(self, ordinal: int) -> dict[str, float]:
-        """Return how far each constant of a cause that is shown may be off among the values that were tried, SI."""
-        return {name: sigma for name, _, sigma in self.fit.constants(self.ordinals.index(ordinal))}
-
     @property
     def columns(self) -> Array:
         """The columns (n, C, p) of the causes per prior sigma."""
@@ -269,7 +265,7 @@ class JointFit:
                 i = self.solution.parameters.index(p)
                 out.append((p, float(self.solution.x[i]), float(self.solution.sigma[i])))
             elif p.field in named:
-                spread = np.array([part.spread(ordinal)[p.field] for part in shown])
+                spread = np.array([part.fit.spread(part.ordinals.index(ordinal))[p.field] for part in shown])
                 least = ROUNDING * max(abs(named[p.field]), ROUNDING)  # where one value alone fits, rounding is left
                 weight = float((spread[spread > least] ** -2.0).sum())
                 out.append((p, named[p.field], weight**-0.5 if weight > 0 else 0.0))

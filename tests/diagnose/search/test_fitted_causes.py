@@ -123,7 +123,7 @@ def test_a_lag_has_the_mean_and_spread_of_its_variants():
     w = np.array([v.weight for v in c.variants]) * np.exp(-(np.array(chi2) - min(chi2)) / 2)
     tau = np.array([v.constants[0][1] for v in c.variants])
     mean = w @ tau / w.sum()
-    ((name, value, sigma),) = f.constants(0)
+    ((name, sigma),), ((_, value),) = f.spread(0).items(), f.causes[0][1].constants
     assert name == "tau"
     assert value == tau[int(np.argmin(chi2))]  # the variant that was fitted: the likeliest
     assert sigma == pytest.approx(np.sqrt(w @ (tau - mean) ** 2 / w.sum()), rel=1e-4)

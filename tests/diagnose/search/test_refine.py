@@ -31,7 +31,7 @@ def test_a_lag_between_the_values_of_the_grid_is_found():
     o = FOUND.fit
     tried = np.array([v.constants[0][1] for v in few(o, LAGGED).candidates[0].variants])
     f = fit_causes(FOUND, (0,))
-    ((name, tau, sigma),) = f.constants(0)
+    ((name, sigma),), ((_, tau),) = f.spread(0).items(), f.causes[0][1].constants
     assert name == "tau"
     assert abs(tau - TAU) < 3 * sigma
     assert abs(tau - TAU) < 0.5 * np.abs(tried - TAU).min()  # nearer than the grid has it
