@@ -271,13 +271,11 @@ def _with_law(answers: tuple[RecordingAnswer, ...], law: Lawful) -> tuple[Record
 
 def _mismatch_of_recordings(answers: Sequence[RecordingAnswer], lead: int) -> tuple[Mismatch, ...]:
     """Return where each recording is off, the one that is off most first."""
-    if len(answers) == 1:
-        return scanned_mismatches(answers[0].before, at_least=1)
     out = []
     for k in sorted(range(len(answers)), key=lambda k: k != lead):
         for m in scanned_mismatches(answers[k].before, at_least=int(k == lead)):
             words = diagnosis_sentences.in_recording(k + 1, m.in_words)
-            out.append(replace(m, recording=k + 1, in_words=words))
+            out.append(replace(m, recording=k + 1, in_words=words) if len(answers) > 1 else m)
     return tuple(out[:MAX_CELLS])
 
 

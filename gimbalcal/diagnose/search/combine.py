@@ -55,7 +55,7 @@ def combine_rankings(searches: Sequence[Search]) -> Ranking:
     ln = c.summed([s.singles for s in searches])
     own = [{} if ln.max() > DETECTION_EVIDENCE else _own_pairs(s) for s in searches]
 
-    def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
+    def gained(members: Sequence[int], seconds: Sequence[int], keep: int) -> Array:
         return _with_second(c, members, seconds, keep, own)[list(seconds)]
 
     hypotheses, share = ranked_hypotheses(candidates, ln, prior, float((ln + prior).max()), gained)
@@ -79,7 +79,7 @@ def _with_second(c: Ranking, members: Sequence[int], seconds: Sequence[int], kee
         if known := own[k].get(mine):
             ln[list(known)] = list(known.values())
         else:
-            ln[partners] = evidence_beside(s.projections, s.library, s.null, s.joint, mine, partners, keep)
+            ln[partners] = evidence_beside(s, mine, partners, keep)
         values.append(ln)
         without.append(np.asarray(_evidence_in_one(s, mine, keep)))
     return c.summed(values, without)
@@ -100,4 +100,4 @@ def _evidence_in_one(s: Search, members: tuple[int, ...], keep: int) -> float:
     """ln BF of these members in one recording."""
     if len(members) == 1:
         return float(s.singles[members[0]])
-    return float(evidence_beside(s.projections, s.library, s.null, s.joint, members[:-1], members[-1:], keep)[0])
+    return float(evidence_beside(s, members[:-1], members[-1:], keep)[0])

@@ -9,7 +9,8 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -45,7 +46,7 @@ MIN_SIGMAS_PER_PRIOR = 0.05  # sigmas per prior sigma: less is not seen by this 
 
 
 Factors = tuple[Array, Array, Array]
-Gained = Callable[[tuple[int, ...], Sequence[int], int], Array]
+Gained = Callable[[Sequence[int], Sequence[int], int], Array]
 """ln BF (seconds,) against nothing of some members with each of `seconds`, over so many noises."""
 
 
@@ -253,13 +254,10 @@ def rank_hypotheses(
     """Rank singles, and pairs where a single cause is found wanting or none is found, from the factors of singles."""
     null, ln, joint = factors
     prior = log_priors(library.candidates, fit.view.kind)
-
-    def gained(members: tuple[int, ...], seconds: Sequence[int], keep: int) -> Array:
-        return evidence_beside(projections, library, null, joint, members, seconds, keep)
-
+    s = Search(library, (), prior, fit, rows, projections, null, joint, ln)
     floor = float(joint.max() - logsumexp(null)) + float(prior.min())
-    hypotheses, share = ranked_hypotheses(library.candidates, ln, prior, floor, gained)
-    return Search(library, hypotheses, share, fit, rows, projections, null, joint, ln)
+    hypotheses, share = ranked_hypotheses(library.candidates, ln, prior, floor, partial(evidence_beside, s))
+    return replace(s, hypotheses=hypotheses, share=share)
 
 
 def ranked_hypotheses(
@@ -343,20 +341,14 @@ def _promising_thirds(
     ]
 
 
-def evidence_beside(
-    projections: Sequence[Projection], library: Library, null: Array, joint: Array,
-    members: tuple[int, ...], seconds: Sequence[int], keep: int,
-) -> Array:  # fmt: skip
+def evidence_beside(s: Search, members: Sequence[int], seconds: Sequence[int], keep: int) -> Array:
     """ln BF against nothing of `members` with each of `seconds` in turn, over the `keep` weightiest noises."""
-    nominal = int(np.argmax([p.node.prior for p in projections]))
-    weighty = weightiest_noises(projections, joint[:, members[0]], keep - 1) | {nominal}
-    hypotheses, gains = [], []
-    for k, looser in itertools.product(sorted(weighty), projections[0].scale.looser):
-        p, ln = given_all(projections[k], [library.candidates[i] for i in members], float(null[k]), looser)
-        hypotheses.append(p)
-        gains.append(ln)
-    rows = gather_evidence(hypotheses, library.layout)[:, seconds] + np.array(gains)[:, None]
-    return np.asarray(logsumexp(rows, axis=0) - logsumexp(null))
+    nominal = int(np.argmax([p.node.prior for p in s.projections]))
+    weighty = weightiest_noises(s.projections, s.joint[:, members[0]], keep - 1) | {nominal}
+    every = itertools.product(sorted(weighty), s.projections[0].scale.looser)
+    given, gains = zip(*(given_all(s, k, members, float(s.null[k]), looser) for k, looser in every), strict=True)
+    rows = gather_evidence(given, s.library.layout)[:, seconds] + np.array(gains)[:, None]
+    return np.asarray(logsumexp(rows, axis=0) - logsumexp(s.null))
 
 
 def weightiest_noises(projections: Sequence[Projection], ln: Array, keep: int) -> set[int]:
@@ -368,10 +360,11 @@ def weightiest_noises(projections: Sequence[Projection], ln: Array, keep: int) -
     return {int(k) for k in best[:keep] if ln[k] > ln[best[0]] - MAX_NATS_BEHIND}
 
 
-def given_all(p: Projection, causes: Sequence[Candidate], ln: float, looser: int = 0) -> tuple[Projection, float]:
-    """Return the projection with all causes in the model, and `ln` with the ln BF that they gained."""
-    for c in causes:
-        p, gained = projection_given(p, c, looser)
+def given_all(s: Search, noise: int, members: Sequence[int], ln: float, looser: int = 0) -> tuple[Projection, float]:
+    """Return the projection of a noise with members in the model, and `ln` with the ln BF that they gained."""
+    p = s.projections[noise]
+    for i in members:
+        p, gained = projection_given(p, s.library.candidates[i], looser)
         ln += gained
     return p, ln
 

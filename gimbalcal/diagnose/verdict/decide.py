@@ -95,12 +95,9 @@ def noise_gain(s: Ranking, members: Sequence[int]) -> float:
 
 def _gain_of_other_noise(s: Search, members: Sequence[int]) -> float:
     """Return the same of one view."""
-    likelihood = []
-    for p, ln in zip(s.projections, s.null, strict=True):
-        causes = [s.library.candidates[i] for i in members]
-        likelihood.append(given_all(p, causes, float(ln) - float(np.log(p.node.prior)))[1])
-    stated = int(np.argmax([p.node.prior for p in s.projections]))
-    return max(likelihood) - likelihood[stated]
+    prior = np.array([p.node.prior for p in s.projections])
+    likelihood = [given_all(s, k, members, float(s.null[k]) - float(np.log(prior[k])))[1] for k in range(len(prior))]
+    return max(likelihood) - likelihood[int(np.argmax(prior))]
 
 
 def _simplest_axes(s: Ranking, best: Hypothesis) -> Hypothesis:

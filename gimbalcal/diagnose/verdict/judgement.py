@@ -151,7 +151,7 @@ def _evidence_of_any_size(s: Search, others: Sequence[int]) -> Array:
     """Return the same of one recording, noise integrated over."""
     rows = []
     for k in sorted(weightiest_noises(s.projections, np.maximum(s.joint.max(axis=1), s.null), len(s.null))):
-        here, gained = given_all(s.projections[k], [s.library.candidates[i] for i in others], 0.0)
+        here, gained = given_all(s, k, others, 0.0)
         rows.append(by_size(here, s.library.layout).max(axis=1) + s.null[k] + gained)
     return np.asarray(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))
 
@@ -164,8 +164,8 @@ def _evidence_of_common_size(c: Ranking, others: Sequence[int]) -> Array:
     values, without = [], []
     for k, s in enumerate(c.searches):
         rows, base = [], []
-        for p, ln in zip(s.projections, s.null, strict=True):
-            here, gained = given_all(p, [s.library.candidates[i] for i in c.within(others, k)], float(ln))
+        for noise, ln in enumerate(s.null):
+            here, gained = given_all(s, noise, c.within(others, k), float(ln))
             rows.append(by_size(here, s.library.layout) + gained)
             base.append(gained)
         values.append(logsumexp(np.stack(rows), axis=0) - logsumexp(s.null))

@@ -68,7 +68,7 @@ def test_a_second_cause_is_judged_with_the_first_in_the_model_at_its_best_size()
     pair = logsumexp(np.array([dense(one, [first, second], (best, size), 0) for size in SIZES]) + np.log(SIZE_PRIOR))
     gained = logsumexp(np.array(alone) + np.log(SIZE_PRIOR)) - dense(one, [], (), 0)
     truth = gained + pair - dense(one, [first], (best,), 0)
-    found = evidence_beside(one.projections, one.library, one.null, one.joint, (i,), [j], 1)[0]
+    found = evidence_beside(one, (i,), [j], 1)[0]
     assert found == pytest.approx(float(truth), abs=1e-3)
     assert projection_given(one.projections[0], one.library.candidates[i])[1] == pytest.approx(float(gained), abs=1e-4)
 
