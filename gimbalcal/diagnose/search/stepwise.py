@@ -82,15 +82,13 @@ class SearchResult:
 class Round:
     """What is likeliest to be missing from a model: one cause or two, or a shape.
 
-    named: whether these are known causes; columns (n, C, q): theirs; lead: ln odds of these to the cause that they were
-    compared with.
+    named: whether these are known causes; lead: ln odds of these to the cause that they were compared with.
     """
 
     causes: tuple[SelectedCause, ...]
     ln_bayes: float  # of these
     ln_total: float  # of anything at all
     named: bool
-    columns: Array
     lead: float
 
 
@@ -314,7 +312,8 @@ def result_of(
         if best.ln_total < CLAIM or best.named or (shapes and best.ln_bayes < CLAIM):
             break
         shapes += [c for c, _ in best.causes if c.rival]
-        with_shapes = with_columns(with_shapes, best.columns)
+        columns = [k for _, variant in best.causes for k in variant.index]
+        with_shapes = with_columns(with_shapes, with_shapes.expanded(missing.library.X[:, columns]))
         missing = search(with_shapes)
     return SearchResult(first, steps, tuple(shapes), with_shapes, tuple(standard), rest)
 
@@ -341,9 +340,7 @@ def likeliest_round(s: Search, against: Candidate | None = None, shape: bool = F
     best = known[0] if named else shapes[0]
     rival = [h.ln_weight for h in known if against and any(every[i].key == against.key for i in h.members)]
     lead = best.ln_weight - max(rival) if rival and named else 0.0
-    causes = selected_causes(s, best.members)
-    columns = s.fit.expanded(s.library.X[:, [k for _, variant in causes for k in variant.index]])
-    return Round(causes, best.ln_bayes, s.ln_total, named, columns, lead)
+    return Round(selected_causes(s, best.members), best.ln_bayes, s.ln_total, named, lead)
 
 
 def order_by_explanation(first: Fit, selected: Sequence[SelectedCause]) -> tuple[Step, ...]:
