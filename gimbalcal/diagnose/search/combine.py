@@ -16,15 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from gimbalcal.diagnose.evidence.odds import DETECTION_EVIDENCE
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.ranking import ABSENT, Ranking, Search, evidence_beside, log_priors, ranked_hypotheses
 from gimbalcal.number import Array
-
-Pairs = dict[tuple[int, ...], dict[int, float]]
 
 
 def matched_candidates(searches: Sequence[Search]) -> tuple[tuple[Candidate, ...], Array]:
@@ -53,20 +51,12 @@ def combine_rankings(searches: Sequence[Search]) -> Ranking:
     prior = log_priors(candidates)
     c = Ranking(Library(candidates, np.zeros((0, 0))), (), prior, views=tuple(searches), places=place)
     ln = c.summed([s.singles for s in searches])
-    own = [{} if ln.max() > DETECTION_EVIDENCE else _own_pairs(s) for s in searches]
-
-    def gained(members: Sequence[int], seconds: Sequence[int], keep: int) -> Array:
-        return _with_second(c, members, seconds, keep, own)[list(seconds)]
-
-    hypotheses, share = ranked_hypotheses(candidates, ln, prior, float((ln + prior).max()), gained)
+    hypotheses, share = ranked_hypotheses(candidates, ln, prior, float((ln + prior).max()), partial(_with_second, c))
     return replace(c, hypotheses=hypotheses, share=share)
 
 
-def _with_second(c: Ranking, members: Sequence[int], seconds: Sequence[int], keep: int, own: Sequence[Pairs]) -> Array:
-    """ln BF (candidates,) against nothing of `members` with each of `seconds`, added up over the recordings.
-
-    What a recording has judged already is taken from `own`.
-    """
+def _with_second(c: Ranking, members: Sequence[int], seconds: Sequence[int], keep: int) -> Array:
+    """ln BF (seconds,) against nothing of `members` with each of `seconds`, added up over the recordings."""
     values, without = [], []
     for k, s in enumerate(c.searches):
         mine = c.within(members, k)
@@ -76,28 +66,8 @@ def _with_second(c: Ranking, members: Sequence[int], seconds: Sequence[int], kee
             continue
         partners = sorted(set(c.within(seconds, k)))
         ln = np.full(len(s.singles), -np.inf)
-        if known := own[k].get(mine):
-            ln[list(known)] = list(known.values())
-        else:
-            ln[partners] = evidence_beside(s, mine, partners, keep)
+        ln[partners] = evidence_beside(s, mine, partners, keep)
         values.append(ln)
-        without.append(np.asarray(_evidence_in_one(s, mine, keep)))
-    return c.summed(values, without)
-
-
-def _own_pairs(s: Search) -> Pairs:
-    """ln BF of each cause with each other where a recording, showing nothing by itself, has tried them all."""
-    out: Pairs = {}
-    if s.singles.max() <= DETECTION_EVIDENCE:
-        for h in s.hypotheses:
-            if len(h.members) == 2:
-                for i, j in (h.members, h.members[::-1]):
-                    out.setdefault((i,), {})[j] = h.ln_bayes
-    return out
-
-
-def _evidence_in_one(s: Search, members: tuple[int, ...], keep: int) -> float:
-    """ln BF of these members in one recording."""
-    if len(members) == 1:
-        return float(s.singles[members[0]])
-    return float(evidence_beside(s, members[:-1], members[-1:], keep)[0])
+        first, last = mine[:-1], mine[-1:]
+        without.append(evidence_beside(s, first, last, keep)[0] if first else s.singles[mine[0]])
+    return c.summed(values, without)[list(seconds)]
