@@ -12,8 +12,8 @@ import numpy as np
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.laws.law_search import Ground, Place
-from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, layout_of
-from gimbalcal.diagnose.library.shapes import MIN_TRAVEL_RAD, RIVAL_SIGMA
+from gimbalcal.diagnose.library.candidates import Candidate, Library, layout_of
+from gimbalcal.diagnose.library.shapes import MIN_TRAVEL_RAD, RIVAL_SIGMA, unknown_shape
 from gimbalcal.diagnose.library.variables import joined_variables, variables
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.effects import Stage
@@ -126,10 +126,9 @@ def unit_rms(X: Array) -> Array:
 
 def _side_by_side(sets: Sequence[Array]) -> tuple[Array, list[Candidate]]:
     """Columns of all sets (..., P), and each set as what may be missing."""
-    ends = np.cumsum([X.shape[-1] for X in sets])
-    spans = [tuple(range(int(end) - X.shape[-1], int(end))) for end, X in zip(ends, sets, strict=True)]
-    laws = [Candidate("unknown law", "", (), (Variant((), span),), "a law") for span in spans]
-    return np.concatenate(sets, axis=-1), laws
+    blocks = list[Array]()
+    laws = [unknown_shape(blocks, "law", "", "a law", [X]) for X in sets]
+    return np.concatenate(blocks, axis=-1), laws
 
 
 def with_law(s: Search, columns: Array) -> tuple[Search, Array, Array]:

@@ -33,7 +33,7 @@ MIN_TRAVEL_RAD = 1e-2  # a gimbal that moves less stands still
 Shape = tuple[str, str, Array]  # name, in words, basis (n, m)
 
 
-def _shape(
+def unknown_shape(
     blocks: list[Array], name: str, axis: str, words: str, columns: Sequence[Array], channel: str = FORCE
 ) -> Candidate:
     """Return a shape of no cause, any one of the sets of columns (..., p), which are appended to `blocks`."""
@@ -53,7 +53,7 @@ def shapes_in_outputs(o: Fit, blocks: list[Array]) -> list[Candidate]:
         every: list[int] = []
         for axis, along in axes:
             X = np.stack([along * b[:, None] for b in scaled.T], axis=-1)
-            out.append(_shape(blocks, name, axis, words, [o.reduced(X) * RIVAL_SIGMA]))
+            out.append(unknown_shape(blocks, name, axis, words, [o.reduced(X) * RIVAL_SIGMA]))
             every += out[-1].variants[0].index
         if len(axes) > 1:
             together = ", ".join(axis for axis, _ in axes)
@@ -80,7 +80,7 @@ def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
             new = [X * RIVAL_SIGMA for X in each
                    if X.any() and np.abs(known.T @ normalised(X)).max(axis=0).min() < MIN_CORRELATION]  # fmt: skip
             if new:
-                out.append(_shape(blocks, name, axis, words, new))
+                out.append(unknown_shape(blocks, name, axis, words, new))
     return out
 
 
@@ -108,7 +108,7 @@ def gimbal_harmonics(o: Fit, blocks: list[Array]) -> list[Candidate]:
             each = (o.rows.added(Stage.ENCODER, i, basis) for basis in bases)
             shown = [o.reduced(X / np.abs(X).max()) * RIVAL_SIGMA for X in each if X.any()]
             if shown:
-                out.append(_shape(blocks, name, axis, words, shown, "gimbal_angle"))
+                out.append(unknown_shape(blocks, name, axis, words, shown, "gimbal_angle"))
     return out
 
 
@@ -137,7 +137,7 @@ def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: i
             X[:, c] = scaled
             X = _combinations_beyond(X / (rms or 1.0), taken) * rms
             if X.shape[-1]:
-                out.append(_shape(blocks, name, axis, words, [X], quantity))
+                out.append(unknown_shape(blocks, name, axis, words, [X], quantity))
     return tuple(out)
 
 
@@ -157,7 +157,7 @@ def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tu
             X = remainder @ Vt[clear].T / S[clear] * np.sqrt(misfit.size) * rms
             X = X.reshape(*misfit.shape, -1) / w[..., None]
             if X.shape[-1]:
-                out.append(_shape(blocks, name, axis, words, [X], quantity))
+                out.append(unknown_shape(blocks, name, axis, words, [X], quantity))
     return tuple(out)
 
 

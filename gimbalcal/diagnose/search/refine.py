@@ -12,7 +12,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.projection import Projection, ReducedRows, any_size, project, rows_like
 from gimbalcal.diagnose.library.assemble import columns_at
-from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant
+from gimbalcal.diagnose.library.candidates import Candidate, Library, Variant, appended_to
 from gimbalcal.effects import CATALOGUE, Effect, Stimulus, with_values
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import Constant, kind, limits, values_between
@@ -36,18 +36,14 @@ def refine_candidates(
     if best < 2.0:
         return library
     stated = max(projections, key=lambda p: p.node.prior)  # a larger noise would hide that a law is on a wrong branch
-    blocks, candidates, at = [library.X], list(library.candidates), library.X.shape[1]
+    blocks, candidates = [library.X], list(library.candidates)
     for i, c in enumerate(library.candidates):
         if c.rival or total[i] < best - MAX_NATS_BEHIND - 0.2 * best:
             continue
         p = projections[int(np.argmax(joint[:, i]))]
         refined = _narrowed_values(o, c, p, rows) if _continuous_constants(c) else _relinearised_candidate(o, c, stated)
-        variants = list(c.variants)
-        for v, X in refined:
-            variants.append(replace(v, index=tuple(range(at, at + X.shape[1]))))
-            at += X.shape[1]
-            blocks.append(X)
-        candidates[i] = replace(c, variants=tuple(variants))
+        finer = (replace(v, index=tuple(appended_to(blocks, X))) for v, X in refined)
+        candidates[i] = replace(c, variants=(*c.variants, *finer))
     if len(blocks) == 1:
         return library
     return Library(tuple(candidates), np.concatenate(blocks, axis=1))
