@@ -76,11 +76,6 @@ class Form:
     constants: tuple[Constant, ...] = ()
     whole: bool = False
 
-    @property
-    def smooth(self) -> bool:
-        """Return whether a constant can be refined between the values of its grid."""
-        return any(c.kind != "fixed" for c in self.constants)
-
 
 def _power(x: Array, p: float) -> list[Array]:
     return [np.abs(x) ** p, np.sign(x) * np.abs(x) ** p]
