@@ -249,7 +249,7 @@ def _recording_answer(c: Ranking, d: Decision, k: int, joint: JointFit, rng: np.
     with_shape = f
     if not d.hypothesis and (shapes := c.within(d.shapes, k)):
         with_shape = fit_causes(s, shapes[:1])  # which says what noise the shape leaves
-    physical, node = part.columns, with_shape.projection.node
+    physical, node = f.columns(part.constants), with_shape.projection.node
     before = scan_data(s.fit, s.rows, node, rng)
     after = scan_data(s.fit, s.rows, node, rng, s.fit.reduced(physical)) if f.index else before
     fitted = verify(f if f.index else with_shape, physical, before.p_value, after.p_value)

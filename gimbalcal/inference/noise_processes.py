@@ -38,9 +38,10 @@ class Chain(NamedTuple):
         return len(self.Q)
 
     def whiten(self, rows: Array) -> Array:
-        """Whiten rows (n, ...) of this covariance."""
-        Phi, Q = (a[1:].reshape(-1, *[1] * (rows.ndim - 1)) for a in self)
-        return np.concatenate([rows[:1] / np.sqrt(self.Q[0]), (rows[1:] - Phi * rows[:-1]) / np.sqrt(Q)])
+        """Whiten rows (n, ...), or (n C, ...) of C channels, each of this covariance."""
+        y, Phi, Q = rows.reshape(self.rows, -1), self.Phi[1:, None], self.Q[1:, None]
+        white = np.concatenate([y[:1] / np.sqrt(self.Q[0]), (y[1:] - Phi * y[:-1]) / np.sqrt(Q)])
+        return white.reshape(rows.shape)
 
     @property
     def log_determinant(self) -> float:
@@ -67,7 +68,7 @@ class Cascade(NamedTuple):
         return self.driven.rows
 
     def whiten(self, rows: Array) -> Array:
-        """Whiten rows (n, ...) of this covariance."""
+        """Whiten rows (n, ...), or (n C, ...) of C channels, each of this covariance."""
         return self.driving.whiten(self.driven.whiten(rows))
 
     @property

@@ -104,21 +104,17 @@ class Modes(NamedTuple):
 
     def whiten(self, rows: Array) -> Array:
         """Whiten rows (R, p) of this covariance."""
-        white = _whiten_beside(self.beside, rows)
+        white = self.beside.whiten(rows)
         less = 1 - 1 / np.sqrt(1 + self.variance)
         return np.asarray(white - self.u @ (less[:, None] * (self.u.T @ white)))
 
 
 def modes(X: Array, beside: Chain) -> Modes:
     """Return columns X (R, p) of independent sizes of unit variance as modes, without those that noise hides."""
-    X = _whiten_beside(beside, X)
+    X = beside.whiten(X)
     variance, v = np.linalg.eigh(X.T @ X)
     shown = variance > HIDDEN_VARIANCE
     return Modes(beside, X @ (v[:, shown] / np.sqrt(variance[shown])), variance[shown])
-
-
-def _whiten_beside(beside: Chain, rows: Array) -> Array:
-    return beside.whiten(rows.reshape(beside.rows, -1)).reshape(rows.shape)
 
 
 def whitening(Phi: Array, Q: Array, H: Array) -> Whitening:

@@ -60,7 +60,7 @@ class Node:
                 white[c :: len(self.channels)] = part.whiten(rows)[c :: len(self.channels)]
             return white
         if isinstance(root, Chain | Cascade):
-            return root.whiten(rows.reshape(root.rows, -1)).reshape(rows.shape)
+            return root.whiten(rows)
         if isinstance(root, Whitening | Modes):
             white = root.whiten(rows[: root.rows])
             return white if root.rows == len(rows) else np.concatenate([white, rows[root.rows :]])

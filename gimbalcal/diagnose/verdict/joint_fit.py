@@ -90,11 +90,6 @@ class RecordingPart:
         """Return the significance [sigma] of a cause beyond all else; zero where it is not shown."""
         return self.fit.significance(self.ordinals.index(ordinal)) if ordinal in self.ordinals else 0.0
 
-    @property
-    def columns(self) -> Array:
-        """The columns (n, C, p) of the causes per prior sigma."""
-        return self.fit.columns(self.constants)
-
     @cached_property
     def wanted(self) -> tuple[Parameter, ...]:
         """The parameters that are fitted: constants of the model, sizes of the causes and their smooth constants."""
