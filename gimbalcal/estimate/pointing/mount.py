@@ -34,6 +34,7 @@ from gimbalcal.method_table import Request
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
+from gimbalcal.views.core import View
 from gimbalcal.views.pointing import pointing, read_axes, split_nights
 
 MIN_SIGMAS = 3.0  # a term that moved by less since the first night is not named
@@ -60,6 +61,7 @@ def pointing_calibration(
     join(recordings)  # refuses runs of different mounts, and one that is given twice
     each = [split_nights(r) for r in recordings]
     runs = tuple(pointing(night) for own in each for night in own)
+    _refuse_other_axes(runs)
     before = [sum(len(n.time) for n in own[:k]) for own in each for k in range(len(own))]
     platform, axes = recordings[0].platform, read_axes(recordings[0])
     single = [word for word in more if is_single_term(word, platform, axes)]
@@ -135,6 +137,18 @@ def _stated_star_noise(values: Sequence[float | None]) -> float | None:
     """The stated noise of a star [rad] where every header states it, rms over the runs; else None."""
     known = [s for s in values if s]
     return float(np.sqrt(np.mean(np.square(known)))) if len(known) == len(values) else None
+
+
+def _refuse_other_axes(runs: Sequence[View]) -> None:
+    """Raise InputError where some runs alone have a readout of an axis, as nights in which its drive was guided."""
+    fewer, more = (end(runs, key=lambda v: len(v.channels)) for end in (min, max))
+    if len(fewer.channels) < len(more.channels):
+        channels = (" and ".join(axis for _, axis in v.channels) for v in (fewer, more))
+        raise InputError(
+            "{!r} has readings of pointing {} alone, and {!r} of pointing {}; calibrate them one at a time".format(
+                *(word for v, axes in zip((fewer, more), channels, strict=True) for word in (v.title, axes))
+            )
+        )
 
 
 def _residual(fitted: ViewsFit) -> Residual:

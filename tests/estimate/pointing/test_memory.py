@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import CATALOGUE, parameters
+from gimbalcal.errors import InputError
 from gimbalcal.estimate.pointing.fit import fit_terms
-from gimbalcal.estimate.pointing.mount import by_night
+from gimbalcal.estimate.pointing.mount import by_night, pointing_calibration
 from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.core import absent_effect
@@ -75,3 +76,11 @@ def test_nights_without_a_change_agree_whatever_the_memory_of_their_frames():
         nights = by_night(zeros(guided(2 * k, 0.9, worm=0.0), guided(2 * k + 1, 0.9, worm=0.0)), None)
         assert nights.probability > 1e-3
         assert not nights.moved
+
+
+def test_nights_with_readings_of_other_axes_are_not_one_calibration():
+    """Without guiding the log of a night has the declination that the mount was sent to, and no reading of it."""
+    both, r = guided(1, 0.0), guided(2, 0.0)
+    unread = r.with_channels({("true_angle", "declination"): r.channels["gimbal_angle", "declination"]})
+    with pytest.raises(InputError, match="of pointing across and along; calibrate them one at a time"):
+        pointing_calibration([both, replace(unread, title="unguided")])
