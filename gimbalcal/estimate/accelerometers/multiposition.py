@@ -157,7 +157,8 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
     _refuse_undetermined_term(tuple(requested), recording.why_not_shown, "--with")
     base = tuple(t for t in wanted if t in LINEAR) or ("bias",)
     extra = norm_fit(view, base).extension(more) if more else NO_EXTENSION
-    tried, positions = len(parameters_of_effects(wanted)) - len(parameters_of_effects(base)), f"{len(view)} positions"
+    further, positions = [t for t in wanted if t not in base], f"{len(view)} positions"
+    tried = len(parameters_of_effects(further))
 
     def attempt(terms: tuple[str, ...], without: ViewsFit) -> ViewsFit | str:
         try:
@@ -167,7 +168,7 @@ def multiposition(recording: Recording, terms: Sequence[str] = (), more: Sequenc
         clear_of = needed_significance(tried, fit.solution.dof if fit.excess > 0 else np.inf)
         return refusal_sentence(terms[-1], positions, without, fit, "m/s^2", clear_of, left_out=left_out_rms) or fit
 
-    fits, declined = select_terms(base, norm_fit(view, base, extra), [t for t in wanted if t not in base], attempt)
+    fits, declined = select_terms(base, norm_fit(view, base, extra), further, attempt)
     if not terms and usual != TERMS:
         declined["misalignment"] = _too_few_attitudes(view)
     best = fits[-1][1]
