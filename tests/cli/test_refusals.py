@@ -58,7 +58,7 @@ observe cai2016-18 --states bias_temperature
 observe cai2016-18 --states gyro_drift
 observe cai2016-18 --candidates bias
 observe cai2016-18 --latitude 91
-observe wei2022-30 --force-noise 1e9 --velocity-sigma 1e-12
+observe wei2022-30 --force-noise 1e-12 --velocity-sigma 1e-12
 design -n 0
 design --platform moon
 design --platform bench

@@ -25,7 +25,7 @@ TESTS: Mapping[str, tuple[str, ...]] = {  # of each module, the ones that end so
     "estimate.static_run.force_filter": ("static_run/test_terms.py", "static_run/test_force_filter.py"),
     "estimate.static_run.combined_coefficients": ("static_run/test_combined_coefficients.py",),
     "estimate.static_run.system": ("static_run/test_terms.py", "static_run/test_system.py", "test_fusion.py"),
-    "readings": ("static_run/test_terms.py", "static_run/test_system.py"),
+    "views.known_attitude": ("static_run/test_terms.py", "static_run/test_system.py"),
 }  # fmt: skip
 
 

@@ -54,7 +54,7 @@ ERRORS = tuple(Error(*e) for e in (
     ("kinematics", "float(np.median(h)) / 2 if", "float(np.median(h)) if"),
     ("kinematics", "np.asarray(turned + np.angle", "np.asarray(turned - np.angle"),
     ("kinematics", "np.arctan2(f[:, 1], f[:, 0])", "np.arctan2(f[:, 0], f[:, 1])"),
-    ("readings", "value[:, force] += lost", "value[:, force] -= lost"),
+    ("views.known_attitude", "value[:, force] += lost", "value[:, force] -= lost"),
     ("schedule.published", "(3, 2), (-2, 3), (2, 3)", "(3, 2), (-2, 1), (2, 3)"),
     ("schedule.published", "_H, -_H, 0)", "_H, _H, 0)"),
     ("recording.increments", "yield {name: x / dt if", "yield {name: x * dt if"),
