@@ -81,7 +81,7 @@ def diagnose_selected(c: SearchResult, progress: Progress) -> ViewDiagnosis:
     if v.kind.sighting and not v.noise.of_each_channel and likeliest_scales(end.residual, end.jacobian) is not None:
         progress("once more, as the channels scatter differently")
         own = judged_diagnosis(select_causes(v.of_own_scales(), progress), progress)
-        return own if own.ln_evidence > steady.ln_evidence + CLAIM else steady
+        return own if own.ln_evidence() > steady.ln_evidence() + CLAIM else steady
     walking, ln_total, ln_odds = wandering_in(c)
     if not walking.noise.sensors_walk:
         return steady
@@ -174,12 +174,12 @@ def _view_diagnosis(
     diagnosis = ViewDiagnosis(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), model, laws=lawful.laws, recommend=recommend,
         outcome=outcome, without=partial(calibration_without, model) if v.calibrate else None,
-        ln_evidence=_ln_evidence(c, lawful),
+        ln_evidence=partial(_evidence_of_statements, c, lawful),
     )  # fmt: skip
     return diagnosis if walk is None else diagnosis.against_walk(walk, odds)
 
 
-def _ln_evidence(c: SearchResult, lawful: Lawful) -> float:
+def _evidence_of_statements(c: SearchResult, lawful: Lawful) -> float:
     """Return ln p(y) of what is stated: the causes of a search and a formula of what they leave, not a shape."""
     share = log_shares(c.start.view, assemble_library(c.start))
     return ln_odds(c.start, c.causes, share) + ln_evidence(c.start) + max(0.0, lawful.ln_total)

@@ -149,8 +149,8 @@ def diagnose_jointly(request: DiagnosisRequest) -> Diagnosis:
     check_one_unit(request)
     alone = "its gyroscopes are not looked at together with other recordings; give it alone for them"
     for r in request.recordings:
-        logged = r.kind.in_positions and r.has(RATE) and r.position is not None  # or should have been
-        if r.platform.axes and (logged or r.kind.rotating):
+        between_rests = r.kind.in_positions and r.has(RATE) and r.position is not None
+        if r.platform.axes and (between_rests or r.kind.rotating):
             request.progress(f"{r.title}: {alone}")
     ids = [baseline_of(r, request.recordings, request.baseline) for r in request.recordings]
     views = [known_view(request.of(r), own) for r, own in zip(request.recordings, ids, strict=True)]

@@ -307,7 +307,7 @@ class StatedNoiseFit(FitSummary):
 class ViewFit(FitSummary):
     """The fit of a view of unknown noise scale: rms misfits in its unit, and chi^2 against the samples' scatter.
 
-    rms_of_channels: rms misfit of each channel of a pointing run, where one scatters far more than the other.
+    rms_of_channels: rms misfit of each channel of a pointing run, where these have scales of noise of their own.
     """
 
     noise: RowNoise

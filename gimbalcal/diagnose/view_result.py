@@ -32,14 +32,15 @@ class Contradiction:
 class ViewDiagnosis:
     """The diagnosis of one view, with its misfits without and with the findings.
 
-    model: findings and their constants fitted, where the scale of the noise is fitted;
-    calibration: the same where it is known. outcome: what else speaks against the view; evidence: what it adds to the
-    provenance; ln_evidence: of the causes and laws, up to a constant of the rows and the baseline, where the scale of
-    the noise is fitted.
+    model: findings and their constants fitted, where the scale of the noise is fitted; calibration: the same where it
+    is known. outcome: what else speaks against the view; evidence: what it adds to the provenance; ln_evidence: returns
+    ln p(y) with the causes and laws, up to a constant of the rows and the baseline, where the scale of the noise is
+    fitted.
 
     Several recordings of one unit in a noise of known scale have one diagnosis, of the view that is off most:
     contradictions between them are said before it, remarks after it, and together are their views. without: the
-    calibration by a model without an effect, by its id. used: the recording without rows that were omitted.
+    calibration by a model without an effect, by its id, and with all of them for an empty one. used: the recording
+    without rows that were omitted.
     """
 
     view: View
@@ -55,7 +56,7 @@ class ViewDiagnosis:
     recommend: str = ""
     outcome: str = ""
     evidence: Evidence | None = None
-    ln_evidence: float = -inf
+    ln_evidence: Callable[[], float] = lambda: -inf
     contradictions: tuple[Contradiction, ...] = ()
     remarks: tuple[str, ...] = ()
     together: tuple[View, ...] = ()

@@ -105,9 +105,9 @@ def spread_stamps(t: Array, sampled: bool = False) -> tuple[Array, str]:
     """Return a clock (n,) whose stamps stand at several rows, with these spread evenly, and a note; else as it is.
 
     Where most rows repeat a stamp, as those of a clock of whole seconds do, the rows are taken to be evenly spaced over
-    the whole log; a packet of rows with one stamp is spread up to the next stamp. So are packets of samples that are
-    stamped as they arrive, most of them within less than half the mean step; readings at a place follow each other so,
-    too. sampled: whether the clock ticks too fast for those.
+    the whole log; a packet of rows with one stamp is spread up to the next stamp. Rows of a packet may also be stamped
+    one by one as they arrive: then most steps are shorter than half the mean step. Readings taken at one place after
+    the other have such steps, too, and keep their times. sampled: whether the clock ticks too fast for such readings.
     """
     step = np.diff(t)
     if len(t) < MIN_ROWS or np.any(step < 0) or t[-1] == t[0]:

@@ -344,7 +344,7 @@ def _restarting_clock(log: Log) -> str:
 def with_units(log: Log, stated: Mapping[str, str]) -> Log:
     """Return the log with units by quantity as stated, and where no name states one from the numbers.
 
-    Numbers that have the length of gravity in another unit than that in their names are in that one.
+    Where forces have the length of gravity in another unit than the one in their names, they are in that other unit.
     Those of clock and gyroscopes that follow from their numbers stay open.
     """
     log = log.including(
@@ -356,9 +356,10 @@ def with_units(log: Log, stated: Mapping[str, str]) -> Log:
     )
     names = log.names(FORCE)
     named = {log.guesses[n].unit for n in names}
-    triad = [x[np.all([np.isfinite(y) for y in log.values(FORCE)], axis=0)] for x in log.values(FORCE)]
-    known = all(is_unit_of(FORCE, unit) for unit in named)
-    if names and not (known and (FORCE in stated or len(named) > 1 or not in_another_unit(triad, *named))):
+    full = np.all([np.isfinite(x) for x in log.values(FORCE)], axis=0)
+    triad = [x[full] for x in log.values(FORCE)]
+    unknown = not all(is_unit_of(FORCE, unit) for unit in named)
+    if unknown or (len(named) == 1 and FORCE not in stated and in_another_unit(triad, *named)):
         unit, why = unit_of_force(triad)
         log = log.including({n: replace(log.guesses[n], unit=unit, why=f"{log.guesses[n].why}; {why}") for n in names})
     rates = log.names(RATE)

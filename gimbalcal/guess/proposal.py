@@ -357,7 +357,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         raise likeliest
     cost, proposal, chosen = best
     if of_means:
-        del best, whole, means, trial, proposal  # of a long log, as much as half of it
+        del best, whole, means, trial, proposal  # half of the memory that a long log takes is free again
         proposal = _in_units(chosen, context)
     notes = dict(proposal.notes)
     if runner_up[0] < cost + MIN_MARGIN:

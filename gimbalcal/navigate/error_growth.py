@@ -89,7 +89,7 @@ def _transitions(
     # at rest: Earth rate, what velocity and latitude do to the rates of the frame, and gravity over the place
     earth = EARTH_RATE * cL, -EARTH_RATE * sL, 1 / RM, 1 / RN, sL / cL / RN, place[1] / RM, place[2]
     C, mid, v, p = np.empty((3, 3)), np.empty((3, 3)), np.zeros(3), np.zeros(3)
-    # over a group of intervals: M, a row for each error at its beginning and each reading; over the stretch: X, T
+    # over a group of intervals: M, a row for each error at its beginning and each reading; over the stretch: X
     M, X, T, x = np.zeros((NAV + 6, NAV)), np.zeros((NAV, NAV + n_p)), np.zeros((NAV, NAV + n_p)), np.zeros(NAV)
     none = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(len(start)):
@@ -146,7 +146,7 @@ def _transitions(
 def _pass_group(M: Array, D: Array, X: Array, T: Array) -> None:
     """Carry the responses X (9, 9 + p) of a stretch over a group, in place; M (15, 9): over the group alone.
 
-    D (6, p) of the group; T is work space. Sums stand inside, so that several columns are taken at once.
+    D (6, p) of the group; T (9, 9 + p) is work space.
     """
     for i in range(NAV):
         for c in range(X.shape[1]):

@@ -55,7 +55,7 @@ class Turns(Sweeps):
     `ends` (m,) is the index of the dwell after each turn, as turns in which the clock paused or a gyroscope read the
     end of its range, `clipped` of `logged` ones, are left out unless there is no other; `means` are of all dwells, and
     so are `level` (k, 3) [rad/s] and C_np by gimbals, `attitude` (k, 3, 3). scale: rad/s per unit of the readings;
-    accelerometers: the calibration by which they tell gravity.
+    accelerometers: the calibration by which gravity is found at the rests.
     """
 
     before: Array

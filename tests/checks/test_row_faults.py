@@ -164,20 +164,26 @@ def test_a_temperature_of_no_sensor_is_refused_with_its_row(tmp_path, reading):
     golden_text(refusal(tmp_path, samples=text(table)))
 
 
+def triad_folder(at, quantity, unit, step, x, digits, position=None):
+    """Write a recording of a triad x (n, 3) in a unit, rows `step` s apart, as text with so many digits."""
+    columns = {"t": 'quantity = "time", unit = "s"'} | ({} if position is None else {"p": 'quantity = "position"'})
+    columns |= {axis: f'quantity = "{quantity}", axis = "{axis}", unit = "{unit}"' for axis in "xyz"}
+    places = [""] * len(x) if position is None else [f"{p}," for p in position]
+    read_out = (f"{step * k:.3f},{p}" + ",".join(f"{v:.{digits}f}" for v in x[k]) for k, p in enumerate(places))
+    at.mkdir(exist_ok=True)
+    header = "".join(f"{name} = {{ {text} }}\n" for name, text in columns.items())
+    (at / "recording.toml").write_text(f'format = 1\nkind = "multi-position"\ntitle = "triad"\n[columns]\n{header}')
+    (at / "samples.csv").write_text("\n".join([",".join(columns), *read_out, ""]))
+    return at
+
+
 def test_a_dead_band_about_zero_is_no_frozen_channel(tmp_path):
     """Steps of 0.01 mg, noise of 0.3 mg, and zero for half a second now and then as a driver sets it."""
     rng = np.random.default_rng(5)
     x = np.round(rng.normal([0.0, 0.0, 1.0], 3e-4, (3000, 3)), 5)
     for k in range(0, 3000, 200):
         x[k : k + 25, 1] = 0.0
-    samples = "t,ax,ay,az\n" + "".join(f"{0.02 * k:.2f},{a:.5f},{b:.5f},{c:.5f}\n" for k, (a, b, c) in enumerate(x))
-    at = tmp_path / "band"
-    at.mkdir()
-    (at / "recording.toml").write_text(
-        'format = 1\nkind = "multi-position"\ntitle = "band"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
-        + "".join(f'a{a} = {{ quantity = "specific_force", axis = "{a}", unit = "g" }}\n' for a in "xyz")
-    )
-    (at / "samples.csv").write_text(samples)
+    at = triad_folder(tmp_path, "specific_force", "g", 0.02, x, digits=5)
     with pytest.raises(InputError, match=r"by a dead band, in 4\d\d rows"):
         read(at)
 
@@ -189,16 +195,7 @@ def test_gyroscopes_that_a_table_turned_at_sixty_degrees_a_second_read_no_faulty
         rate[100 * k : 100 * k + 100, k // 2] += 1.047 * (-1) ** k
 
     def recording(rate, name):
-        at = tmp_path / name
-        at.mkdir()
-        (at / "recording.toml").write_text(
-            'format = 1\nkind = "multi-position"\ntitle = "turns"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
-            'p = { quantity = "position" }\n'
-            + "".join(f'w{a} = {{ quantity = "angular_rate", axis = "{a}", unit = "rad/s" }}\n' for a in "xyz")
-        )
-        body = (f"{0.01 * k:.2f},{k // 100 + 1},{a:.6f},{b:.6f},{c:.6f}\n" for k, (a, b, c) in enumerate(rate))
-        (at / "samples.csv").write_text("t,p,wx,wy,wz\n" + "".join(body))
-        return at
+        return triad_folder(tmp_path / name, "angular_rate", "rad/s", 0.01, rate, 6, position=np.arange(600) // 100 + 1)
 
     assert len(read(recording(rate, "steady")).time) == 600
     rate[250:256, 0] = 1.2
@@ -212,15 +209,7 @@ def test_a_channel_that_stays_at_the_largest_value_of_its_triad_is_not_frozen(tm
     x = np.random.default_rng(5).normal([0.0, 0.0, 1.0], 3e-4, (6000, 3))
     x[3000:3040] += np.linspace(0, 2.5, 40)[:, None]
     x[3010:3040, 1], x[3039, 2] = value, 4.0
-    at = tmp_path / "shaken"
-    at.mkdir()
-    (at / "recording.toml").write_text(
-        'format = 1\nkind = "multi-position"\ntitle = "shaken"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
-        + "".join(f'a{a} = {{ quantity = "specific_force", axis = "{a}", unit = "g" }}\n' for a in "xyz")
-    )
-    (at / "samples.csv").write_text(
-        "t,ax,ay,az\n" + "".join(f"{0.02 * k:.2f},{a:.5f},{b:.5f},{c:.5f}\n" for k, (a, b, c) in enumerate(x))
-    )
+    at = triad_folder(tmp_path, "specific_force", "g", 0.02, x, digits=5)
     with pytest.raises(InputError, match=f"so the channel is {said}"):
         read(at)
 
@@ -233,16 +222,7 @@ def test_a_channel_behind_a_filter_is_not_frozen_where_it_hardly_changes(tmp_pat
     w *= [6.0, 6.0, 1.0]
     w[:5000] += 2 * rng.standard_normal((5000, 3))
     w = 0.061 * np.round(w / 0.061)
-    at = tmp_path / "filtered"
-    at.mkdir()
-    (at / "recording.toml").write_text(
-        'format = 1\nkind = "multi-position"\ntitle = "f"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
-        'p = { quantity = "position" }\n'
-        + "".join(f'w{a} = {{ quantity = "angular_rate", axis = "{a}", unit = "deg/s" }}\n' for a in "xyz")
-    )
-    (at / "samples.csv").write_text(
-        "t,p,wx,wy,wz\n" + "".join(f"{k / 1000:.3f},{1},{a:.3f},{b:.3f},{c:.3f}\n" for k, (a, b, c) in enumerate(w))
-    )
+    at = triad_folder(tmp_path, "angular_rate", "deg/s", 1e-3, w, digits=3, position=np.ones(n, dtype=int))
     assert len(read(at).time) == n
 
 
@@ -255,15 +235,7 @@ def test_a_channel_of_coarse_steps_stands_still_where_its_unit_does(tmp_path, fr
     x += 0.1 * rng.standard_normal((n, 3)) * (moving | np.bool_(frozen))[:, None]
     x = 0.02 * np.round(x / 0.02)
     x[310:590, 1] = 0.04
-    samples = "t,ax,ay,az\n" + "".join(f"{0.1 * k:.1f},{a:.2f},{b:.2f},{c:.2f}\n" for k, (a, b, c) in enumerate(x))
-    header = (
-        'format = 1\nkind = "multi-position"\ntitle = "coarse"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
-        + "".join(f'a{a} = {{ quantity = "specific_force", axis = "{a}", unit = "g" }}\n' for a in "xyz")
-    )
-    at = tmp_path / "coarse"
-    at.mkdir()
-    (at / "recording.toml").write_text(header)
-    (at / "samples.csv").write_text(samples)
+    at = triad_folder(tmp_path, "specific_force", "g", 0.1, x, digits=2)
     if frozen:
         with pytest.raises(InputError, match="so the channel is frozen"):
             read(at)
@@ -277,14 +249,6 @@ def test_a_channel_that_reads_two_neighbours_of_a_coarse_scale_is_not_frozen(tmp
     n = 6000
     x = np.round(rng.normal([0.031, 0.026, 0.01], 0.003, (n, 3)), 2).clip(0.01, 0.03)
     x[1000:1900, 0] = 0.03  # as it drifts away from the edge of its step
-    samples = "t,gx,gy,gz\n" + "".join(f"{0.01 * k:.2f},{a},{b},{c}\n" for k, (a, b, c) in enumerate(x))
-    header = (
-        'format = 1\nkind = "multi-position"\ntitle = "coarse"\n[columns]\nt = { quantity = "time", unit = "s" }\n'
-        + "".join(f'g{a} = {{ quantity = "angular_rate", axis = "{a}", unit = "rad/s" }}\n' for a in "xyz")
-    )
-    at = tmp_path / "coarse"
-    at.mkdir()
-    (at / "recording.toml").write_text(header)
-    (at / "samples.csv").write_text(samples)
+    at = triad_folder(tmp_path, "angular_rate", "rad/s", 0.01, x, digits=2)
     assert np.unique(x[:, 0]).tolist() == [0.02, 0.03]
     assert len(read(at).time) == n

@@ -97,7 +97,7 @@ def level_of(still: View, g_sensitivity: bool, tried: int = 0, extra: Extension 
 
 
 def levelled_by(level: ViewsFit, turns: Turns) -> Turns:
-    """Return turns levelled by a fit of the rests, if that holds more than the bias, which every rest tells alone."""
+    """Return turns levelled by a fit of the rests if it holds more than the bias, which each level contains."""
     return turns.levelled(level.effects) if len(level.parameters) > len(parameters_of_effects([BIAS])) else turns
 
 

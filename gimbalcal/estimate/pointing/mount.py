@@ -140,14 +140,13 @@ def _stated_star_noise(values: Sequence[float | None]) -> float | None:
 
 
 def _refuse_other_axes(runs: Sequence[View]) -> None:
-    """Raise InputError where some runs alone have a readout of an axis, as nights in which its drive was guided."""
+    """Raise InputError where some runs have no readout of an axis that others have, as nights of a drive not guided."""
     fewer, more = (end(runs, key=lambda v: len(v.channels)) for end in (min, max))
     if len(fewer.channels) < len(more.channels):
-        channels = (" and ".join(axis for _, axis in v.channels) for v in (fewer, more))
+        few, many = (" and ".join(axis for _, axis in v.channels) for v in (fewer, more))
         raise InputError(
-            "{!r} has readings of pointing {} alone, and {!r} of pointing {}; calibrate them one at a time".format(
-                *(word for v, axes in zip((fewer, more), channels, strict=True) for word in (v.title, axes))
-            )
+            f"{fewer.title!r} has readings of pointing {few} alone, and {more.title!r} of pointing {many}; calibrate "
+            "them one at a time"
         )
 
 
