@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.estimate.static_run.system import static_readings
 from gimbalcal.forward import jacobian, predict
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.pipeline import load
 from gimbalcal.recording import dwell_means
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.positions import Noise, by_visit, view_of_positions
 from tests.paths import DEVICE, STATIC
 

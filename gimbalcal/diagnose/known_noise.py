@@ -41,6 +41,7 @@ from gimbalcal.diagnose.result import (
 from gimbalcal.diagnose.search.combine import combine_rankings
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Ranking, Search, search
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.diagnose.search.relinearise import about_causes, about_settings
 from gimbalcal.diagnose.search.sensor_random_walks import likely_wandering_noises
 from gimbalcal.diagnose.verdict.agreement import ConstantsAgreement
@@ -60,7 +61,6 @@ from gimbalcal.diagnose.view_result import Contradiction, ViewDiagnosis
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit, View, effects_of_another_day
-from gimbalcal.views.known_attitude import fit_baseline
 from gimbalcal.words import diagnosis_sentences, law_sentences
 from gimbalcal.words.naming import without_underscores
 

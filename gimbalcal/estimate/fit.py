@@ -361,17 +361,17 @@ def fit(
     if np.any(excess > 0):
         excess = widened(x)
     for _ in range(MAX_SCALE_ROUNDS):
-        solution, steps = gauss_newton(linearise, x, bounds, min_signal, not has_local, arrived, diverged)
-        x = solution.x
-        if not steps or not np.any(shape > 0):
+        minimum = gauss_newton(linearise, x, bounds, min_signal, not has_local, arrived, diverged)
+        x = minimum.solution.x
+        if not minimum.steps or not np.any(shape > 0):
             break
         new = widened(x)
         if np.all(np.abs(new - excess) <= SCALE_TOLERANCE * excess):
             break
         excess = new
-    solution = replace(solution, parameters=every)
+    solution = replace(minimum.solution, parameters=every)
     excesses, local = tuple(excess[k] for k in of_views), tuple(next(iter(last.values())).local_at(x))
-    return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, steps, min_signal, local)
+    return ViewsFit(tuple(views), tuple(absent), effects_at(x), solution, excesses, minimum.steps, min_signal, local)
 
 
 def columns_are_independent(J: Array) -> bool:

@@ -10,7 +10,7 @@ constant stays within the range that the rows can resolve.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,24 @@ Linearise = Callable[[Array], Information]
 """Information about all parameters from rows that are linearised at x (p,)."""
 
 
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Where an iteration ended: the information of the rows linearised last, at x (p,), and its solution.
+
+    steps: how many it took; 0 where it did not converge.
+    """
+
+    solution: Solution
+    x: Array
+    information: Information
+    steps: int
+
+
 def gauss_newton(
     linearise: Linearise, x: Array, bounds: Array | None, seen: float, damped: bool,
     arrived: Callable[[int, Array, Solution], bool], diverged: Callable[[Array], bool],
-) -> tuple[Solution, int]:  # fmt: skip
-    """Return the solution of the rows linearised last, from x (p,) on, and the number of steps; 0 where it diverged.
+) -> Minimum:  # fmt: skip
+    """Return the minimum that is reached from x (p,) on.
 
     bounds (2, p): least and greatest value of each parameter, see `views.core.range_of_constants`; None for a model
     without nonlinear constants, whose steps are halved where they raise chi^2 only if `damped`. seen: as in `solve`.
@@ -41,14 +54,14 @@ def gauss_newton(
     for step in range(1, MAX_STEPS + 1):
         solution = solve_about(info, x, bounds, seen)
         if arrived(step, x, solution) or (step > MAX_QUADRATIC_STEPS and _is_rounding(info, x, solution.x)):
-            return solution, step
+            return Minimum(solution, x, info, step)
         if step == MAX_STEPS or diverged(solution.x):
             break
         if damped or bounds is not None:
             x, info = _damped_step(linearise, info, x, solution.x, bounds, seen)
         else:
             x, info = solution.x, linearise(solution.x)
-    return solution, 0
+    return Minimum(solution, x, info, 0)
 
 
 def solve_about(info: Information, x: Array, bounds: Array | None, seen: float) -> Solution:

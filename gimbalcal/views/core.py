@@ -18,6 +18,7 @@ from gimbalcal.effects import (
     Stimulus,
     known_effect,
     parameters,
+    values,
     with_values,
     zero_effect,
 )
@@ -136,6 +137,11 @@ class View:
         """The setting errors of the visits, of a view of positions."""
         assert self.local is not None
         return self.local
+
+    @property
+    def gimbals_with_readout(self) -> list[int]:
+        """Return the ordinals of the gimbals whose angles were read."""
+        return [i for i, a in enumerate(self.stimulus.axis_names) if a in self.read_gimbals]
 
     @property
     def local_sigma(self) -> float:
@@ -266,6 +272,11 @@ class Fit:
     def sigma(self) -> Array:
         """One sigma (C,) of a row of known noise scale, SI."""
         return np.asarray(self.view.noise.sigma)
+
+    def shifted_effects(self, shift: Array) -> tuple[Effect, ...]:
+        """Return the effects with the fitted parameters shifted by (p,) prior sigmas."""
+        x = values(self.effects, self.parameters) + shift * np.array([p.sigma for p in self.parameters])
+        return with_values(self.effects, self.parameters, x, self.view.stimulus.axis_names)
 
     @cached_property
     def Z(self) -> Array:

@@ -1,7 +1,7 @@
 r"""Forces, and what else is read, of a platform whose attitude is known: dwells at gimbal angles, or a static run.
 
-The rows of `forward.linearise` about a fitted baseline are put in units of one sigma of a row: residuals (n, C) and the
-sensitivity of every channel to every stage, from which the column of any candidate is one product.
+The rows are those of `forward.linearise`: residuals (n, C) and the sensitivity of every channel to every stage, from
+which the column of any candidate is one product.
 
 Rows may be means over blocks of time. Gimbal angles and attitude errors are as good as linear over a minute; the
 specific force of an inertially fixed platform turns with the Earth, and what the mean of a turning vector loses is put
@@ -16,13 +16,10 @@ from functools import partial
 
 import numpy as np
 
-from gimbalcal.effects import Effect, Parameter, Stage, Stimulus, values, with_values
-from gimbalcal.effects.effect import SENSOR_STAGES
+from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.effects.process import SettingError
 from gimbalcal.errors import InputError
 from gimbalcal.forward import AXES, Rows, difference, linearise, predict, wanted_channels
-from gimbalcal.inference.algebra import unit_columns
-from gimbalcal.inference.information import information, solve
 from gimbalcal.inference.noise_processes import one_sigma
 from gimbalcal.kinematics import lost_to_averaging, refuse_other_platform, stimulus_from_readings, with_phase_of_force
 from gimbalcal.number import Array
@@ -30,7 +27,7 @@ from gimbalcal.recording import Recording, block_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise_levels import SETTING_SIGMA_RAD, header_noise, sample_sigma
 from gimbalcal.recording.record import FORCE, SENSOR_OF, Key
-from gimbalcal.views.core import Fit, Measurement, View, recording_fields
+from gimbalcal.views.core import Measurement, View, recording_fields
 from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
@@ -158,83 +155,6 @@ def view_of_readings(
     )  # fmt: skip
 
 
-def fit_baseline(view: View, known: Sequence[Effect] = (), steps: int = 2) -> Fit:
-    """Fit the baseline of a view of known noise scale and return residuals and sensitivities about it.
-
-    `known` are values to start from, `steps` the Gauss-Newton steps (none for a recording that is only planned).
-    """
-    names = view.stimulus.axis_names
-    # a gimbal that was not read has no zero to fit
-    every = (p for i in view.baseline for p in view.parameters_of(i))
-    wanted = tuple(p for p in every if p.axis not in names or p.axis in view.read_gimbals)
-    effects = with_values(tuple(known), wanted, values(tuple(known), wanted), names)
-    for _ in range(steps):
-        rows = view.evaluate(effects)
-        J = view.noise.scaled(rows.jacobian(wanted))
-        x = solve(information(J, view.noise.scaled(rows.residual).ravel(), wanted)).x  # unseen directions stay
-        effects = with_values(effects, wanted, values(effects, wanted) + x, names)
-    fit = linearised(view, effects, wanted)
-    refuse_too_little(view.title, fit.reduced(fit.Z))
-    return fit
-
-
-def linearised(view: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fit:
-    """Return a view of known noise scale linearised about effects."""
-    rows = view.evaluate(effects).over(np.asarray(view.noise.sigma))
-    view = replace(view, stages=frozenset(rows.sensitivity))
-    return Fit(view, tuple(effects), tuple(wanted), rows.residual, rows.jacobian(wanted), kept=rows)
-
-
-def in_units_of(fit: Fit, sigma: Array) -> Fit:
-    """Return the fit in units of sigma (C,) times the present ones."""
-    noise = replace(fit.view.noise, sigma=fit.sigma * sigma)
-    view, J = replace(fit.view, noise=noise), fit.jacobian / sigma[:, None]
-    return replace(fit, view=view, residual=fit.residual / sigma, jacobian=J, kept=fit.rows.over(sigma))
-
-
-Sized = tuple[Effect, Sequence[Parameter], Array]  # an effect without size, linear parameters, their sizes (p,) in SI
-
-
-def linearised_at(o: Fit, shift: Array, sized: Sequence[Sized]) -> Fit:
-    """The rows about constants shifted by (q,) prior sigmas and with causes in the model: what the whole model leaves.
-
-    Products of a large cause with itself and with the constants, which are many sigmas, are in these derivatives. What
-    a cause adds to a sensor's output is left out of those by the constants: it changes them by its own small size, and
-    where two of them are alike (bias and scale of a sensor in a steady force) their difference would be a copy of it.
-    """
-    names, sized_effects = o.view.stimulus.axis_names, []
-    effects = _shifted_model(o, shift)
-    sized_effects = [with_values((e,), wanted, size, names)[0] for e, wanted, size in _first_of_each_effect(sized)]
-    rows = _rows_about_effects(o.view, (*effects, *sized_effects), effects)
-    moving = [e for e in sized_effects if e.stage not in SENSOR_STAGES]
-    about = rows if len(moving) == len(sized_effects) else _rows_about_effects(o.view, (*effects, *moving), effects)
-    return replace(o, effects=effects, residual=rows.residual, jacobian=about.jacobian(o.parameters), kept=rows)
-
-
-def _rows_about_effects(view: View, effects: Sequence[Effect], named: Sequence[Effect]) -> Rows:
-    """Return rows about effects in units of the noise, in which only those that are `named` count as the model."""
-    return replace(view.evaluate(effects).over(np.asarray(view.noise.sigma)), effects=tuple(named))
-
-
-def _shifted_model(o: Fit, shift: Array) -> tuple[Effect, ...]:
-    """Return the model with its parameters shifted by (q,) prior sigmas."""
-    x = values(o.effects, o.parameters) + shift * np.array([p.sigma for p in o.parameters])
-    return with_values(o.effects, o.parameters, x, o.view.stimulus.axis_names)
-
-
-def given_back(o: Fit, sized: Sequence[Sized]) -> Fit:
-    """The rows of `linearised_at` with what the causes explain back in the residuals, to first order about there."""
-    taken = sum(
-        (o.rows.columns(e, wanted) @ size for e, wanted, size in _first_of_each_effect(sized)), start=0 * o.residual
-    )
-    return replace(o, residual=o.residual + taken)
-
-
-def _first_of_each_effect(sized: Sequence[Sized]) -> Sequence[Sized]:
-    """The first of each effect, which has its constants once."""
-    return tuple({e.id: (e, wanted, size) for e, wanted, size in reversed(sized)}.values())
-
-
 def at_rest(recording: Recording) -> Recording:
     """The rows that stand still, a long static run as means of blocks. Raises InputError where there are none."""
     if not recording.kind.at_rest:
@@ -250,15 +170,6 @@ def at_rest(recording: Recording) -> Recording:
     if recording.kind.stabilised and len(recording.time) > MOST_ROWS:
         return block_means(recording, -(-len(recording.time) // MOST_ROWS))
     return recording
-
-
-def refuse_too_little(title: str, Z: Array) -> None:
-    """Raise InputError where the constants of the model, columns Z (N, q), take up all N numbers."""
-    if len(Z) <= Z.shape[-1] and np.linalg.matrix_rank(unit_columns(Z)[0]) == len(Z):
-        raise InputError(
-            f"{title!r} gives {len(Z)} numbers, and the constants of the model take up {len(Z)} of them: "
-            "nothing is left to compare; record more positions, or for longer"
-        )
 
 
 def row_sigma(read: Readings, known: Sequence[Effect] = ()) -> Array:
@@ -284,11 +195,6 @@ def row_sigma(read: Readings, known: Sequence[Effect] = ()) -> Array:
     return np.maximum(one, STUCK_SIGMA) / np.sqrt(np.median(read.recording.weight))
 
 
-def read_gimbals(view: View) -> list[int]:
-    """Return the ordinals of the gimbals whose angles were read."""
-    return [i for i, a in enumerate(view.stimulus.axis_names) if a in view.read_gimbals]
-
-
 def _block_ordinals(recording: Recording) -> Array:
     """Ordinal of the block (n,) that each row belongs to: equal parts of each dwell, single rows of one with few."""
     if recording.kind.stabilised:
@@ -300,8 +206,3 @@ def _block_ordinals(recording: Recording) -> Array:
         n = d.stop - d.start
         out[d.start : d.stop] = i * parts + np.arange(n) * parts // n
     return np.asarray(np.cumsum(np.diff(out, prepend=out[0]) != 0))
-
-
-def shifted_stimulus(o: Fit, shift: Array, stage: Stage) -> Stimulus:
-    """Return what a stage experiences once the parameters are shifted by (q,) prior sigmas."""
-    return o.view.evaluate(_shifted_model(o, shift)).seen[stage]

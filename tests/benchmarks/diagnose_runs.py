@@ -12,9 +12,10 @@ import numpy as np
 from gimbalcal.diagnose import Diagnosis, diagnose
 from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
 from gimbalcal.diagnose.library.assemble import assemble_library
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.recording import Recording
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.benchmarks.diagnose_static import AXIS, static_recording
 from tests.diagnose.law_plants import Law, at_size, laws, oddities, unforeseen
 from tests.diagnose.plant import record

@@ -15,9 +15,10 @@ import numpy as np
 from gimbalcal import calibrate
 from gimbalcal.calibration.calibration import Residual
 from gimbalcal.calibration.correction import correct
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.benchmarks import unknown_hand, unknown_mount
 from tests.diagnose import plant, static_plant, turned_plant
 from tests.estimate.gyroscopes import test_rate_table

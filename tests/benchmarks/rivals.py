@@ -21,12 +21,13 @@ from gimbalcal.diagnose.evidence.stated_noise import noise_grid, nominal_noise, 
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.search import ranking as search
 from gimbalcal.diagnose.search import refine
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.estimate.accelerometers.joint import joint
 from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.diagnose.law_plants import Law
 from tests.diagnose.plant import record
 

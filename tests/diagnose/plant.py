@@ -172,7 +172,8 @@ def strength(recording_of: Callable[[float], Recording], probe: float) -> float:
     """Sigmas above noise of an effect of size `probe`, after calibration and setting errors took what they can."""
     from gimbalcal.diagnose.evidence.projection import orthonormal
     from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
-    from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+    from gimbalcal.diagnose.search.refit import fit_baseline
+    from gimbalcal.views.known_attitude import view_at_known_attitude
 
     with_it, without = recording_of(probe), recording_of(0.0)
     o = fit_baseline(view_at_known_attitude(without))

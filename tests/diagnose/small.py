@@ -18,12 +18,13 @@ from gimbalcal.diagnose.library.assemble import assemble_library, available_effe
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.result import FitSummary
 from gimbalcal.diagnose.search.ranking import Search, search
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site
 from gimbalcal.views.core import Fit, View
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.diagnose import static_plant
 from tests.diagnose.plant import ARCSEC, UG, Error, record
 

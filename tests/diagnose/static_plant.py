@@ -63,7 +63,8 @@ def record(
 def strength(seed: int, error: Error, size: float) -> float:
     """Sigmas above noise of an effect, after the calibration took what it can."""
     from gimbalcal.diagnose.evidence.projection import orthonormal
-    from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+    from gimbalcal.diagnose.search.refit import fit_baseline
+    from gimbalcal.views.known_attitude import view_at_known_attitude
 
     with_it, without = (record(np.random.default_rng(seed), error, x) for x in (size, 0.0))
     o = fit_baseline(view_at_known_attitude(without))

@@ -7,9 +7,10 @@ import pytest
 
 from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
 from gimbalcal.diagnose.library.assemble import assemble_library
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.inference.algebra import orthonormal
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.diagnose.law_plants import PROBE, at_size, laws, oddities
 from tests.diagnose.plant import record, strength
 

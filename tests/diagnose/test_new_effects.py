@@ -8,12 +8,12 @@ import pytest
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library.assemble import assemble_library
-from gimbalcal.diagnose.search.refit import start_with_baseline
+from gimbalcal.diagnose.search.refit import fit_baseline, start_with_baseline
 from gimbalcal.earth import G0
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest, view_of_turns
 from gimbalcal.simulate import simulate
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import pointing
 from gimbalcal.views.tilting_table import tilting_table

@@ -9,13 +9,13 @@ from gimbalcal import cli
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.library.assemble import available_effects
 from gimbalcal.diagnose.library.candidates import covariate_sources
-from gimbalcal.diagnose.search.refit import start_with_baseline
+from gimbalcal.diagnose.search.refit import fit_baseline, start_with_baseline
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import view_at_rest
 from gimbalcal.platform import BENCH, KNOWN
 from gimbalcal.recording import Recording, Site, dwell_means, write
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.views.norm import inverted
 from gimbalcal.views.pointing import pointing
 from gimbalcal.words.diagnosis_sentences import largest_misfit_sentence

@@ -27,7 +27,6 @@ from gimbalcal.inference.white_noise import scaled_differences
 from gimbalcal.inference.whitening import Whitening, whitenings
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
-from gimbalcal.views.known_attitude import in_units_of, read_gimbals
 
 SETTING = (0.5, 0.71, 1.0, 1.41, 2.0, 2.83)  # times the stated setting repeatability
 SETTING_PRIOR = (0.05, 0.15, 0.40, 0.22, 0.12, 0.06)
@@ -64,9 +63,9 @@ def scale_to_scatter(o: Fit) -> Fit:
         scale = np.minimum(robust.of_rows if static else robust.of_means, plain)
     else:
         scale = plain
-    scaled = in_units_of(o, scale)
-    noise = replace(scaled.view.noise, kurtosis=kurtosis, weights=weight, scatter=scale)
-    return replace(scaled, view=replace(scaled.view, noise=noise))
+    noise = replace(o.view.noise, sigma=o.sigma * scale, kurtosis=kurtosis, weights=weight, scatter=scale)
+    view, J = replace(o.view, noise=noise), o.jacobian / scale[:, None]
+    return replace(o, view=view, residual=o.residual / scale, jacobian=J, kept=o.rows.over(scale))
 
 
 def nats_beyond_stated_scatter(o: Fit) -> float:
@@ -146,7 +145,7 @@ class _Blocks:
 def _blocks(o: Fit) -> _Blocks:
     n, C = len(o.view.noise.starts), o.residual.shape[1]
     count = np.diff(np.append(o.view.noise.starts, len(o.residual)))
-    k = read_gimbals(o.view)
+    k = o.view.gimbals_with_readout
     return _Blocks(
         walks=np.sqrt(count)[:, None, None] * np.eye(C),  # as a mean of so many rows is reduced
         angles=o.reduced(o.rows.sensitivity[Stage.ENCODER][:, :, k]).reshape(n, C, -1) if k else np.zeros((n, C, 0)),

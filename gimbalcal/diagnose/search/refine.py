@@ -18,7 +18,6 @@ from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import Constant, kind, limits, values_between
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, absent_effect
-from gimbalcal.views.known_attitude import shifted_stimulus
 
 ROUNDS = 6  # refinements of a constant, each narrowing its range fourfold
 FLAT_NATS = 1.0  # nats between the best and the worst value of a refinement: these are closer than half a sigma then
@@ -155,7 +154,7 @@ def _fit_by_secants(
         root = float(x[-1]) * sigma
         if root == 0.0 or abs(root - size) < 0.01 * abs(size):
             break
-        size, s = root, shifted_stimulus(o, x[:-1], stage)
+        size, s = root, o.view.evaluate(o.shifted_effects(x[:-1])).seen[stage]
     return _Bent(float(((y[:, 0] - A @ x) ** 2).sum()), size, flipped, _doubtful_positions(s, c.axis, size), column)
 
 

@@ -13,7 +13,8 @@ from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, values, 
 from gimbalcal.effects.effect import Grid, constants
 from gimbalcal.effects.grids import kind
 from gimbalcal.errors import InputError
-from gimbalcal.inference.algebra import beyond, orthonormal_columns
+from gimbalcal.inference.algebra import beyond, orthonormal_columns, unit_columns
+from gimbalcal.inference.information import information, solve
 from gimbalcal.inference.levenberg import covariance_at_minimum, minimise
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, View, range_of_constants
@@ -120,6 +121,42 @@ def _visible_directions(r: Array, J: Array) -> Array:
     _, S, Vt = np.linalg.svd(J.reshape(n, -1), full_matrices=False)
     keep = (S > MIN_DIRECTION * S.max(initial=0.0)) & (S > 0.01 * np.sqrt(float(y @ y) / n))
     return np.asarray(Vt[keep].T)
+
+
+def fit_baseline(view: View, known: Sequence[Effect] = (), steps: int = 2) -> Fit:
+    """Fit the baseline of a view of known noise scale and return residuals and sensitivities about it.
+
+    `known` are values to start from, `steps` the Gauss-Newton steps (none for a recording that is only planned).
+    """
+    names = view.stimulus.axis_names
+    # a gimbal that was not read has no zero to fit
+    every = (p for i in view.baseline for p in view.parameters_of(i))
+    wanted = tuple(p for p in every if p.axis not in names or p.axis in view.read_gimbals)
+    effects = with_values(tuple(known), wanted, values(tuple(known), wanted), names)
+    for _ in range(steps):
+        rows = view.evaluate(effects)
+        J = view.noise.scaled(rows.jacobian(wanted))
+        x = solve(information(J, view.noise.scaled(rows.residual).ravel(), wanted)).x  # unseen directions stay
+        effects = with_values(effects, wanted, values(effects, wanted) + x, names)
+    fit = linearised(view, effects, wanted)
+    refuse_too_little(view.title, fit.reduced(fit.Z))
+    return fit
+
+
+def linearised(view: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fit:
+    """Return a view of known noise scale linearised about effects."""
+    rows = view.evaluate(effects).over(np.asarray(view.noise.sigma))
+    view = replace(view, stages=frozenset(rows.sensitivity))
+    return Fit(view, tuple(effects), tuple(wanted), rows.residual, rows.jacobian(wanted), kept=rows)
+
+
+def refuse_too_little(title: str, Z: Array) -> None:
+    """Raise InputError where the constants of the model, columns Z (N, q), take up all N numbers."""
+    if len(Z) <= Z.shape[-1] and np.linalg.matrix_rank(unit_columns(Z)[0]) == len(Z):
+        raise InputError(
+            f"{title!r} gives {len(Z)} numbers, and the constants of the model take up {len(Z)} of them: "
+            "nothing is left to compare; record more positions, or for longer"
+        )
 
 
 def start_with_baseline(v: View) -> Fit:

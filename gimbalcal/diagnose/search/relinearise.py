@@ -23,22 +23,24 @@ import numpy as np
 from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter, setting_is_second_order
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Search
+from gimbalcal.diagnose.search.refit import linearised
 from gimbalcal.diagnose.search.stepwise import SearchResult, stepwise
-from gimbalcal.effects import Effect, Stage, values, with_values
+from gimbalcal.effects import Effect, Parameter, Stage, with_values
+from gimbalcal.effects.effect import SENSOR_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit
-from gimbalcal.views.known_attitude import given_back, linearised, linearised_at, read_gimbals
 
 MIN_CHI2_RATIO = 4.0  # of a model without causes to one with them, from which products of errors matter
+SizedCause = tuple[Effect, Sequence[Parameter], Array]  # an effect without size, its parameters, their sizes (p,) in SI
 ROUNDS = 3  # the last one about angles and constants that are known to a few arcseconds
 
 
 def about_settings(o: Fit) -> Fit:
     """Return the rows about the angles of each visit; unchanged where a setting is too small to curve anything."""
-    if o.view.kind.stabilised or not read_gimbals(o.view) or not setting_is_second_order(o):
+    if o.view.kind.stabilised or not o.view.gimbals_with_readout or not setting_is_second_order(o):
         return o
     for _ in range(ROUNDS):
         o = _rows_about_corrections(o, *_corrections_of_visits(o))
@@ -50,7 +52,7 @@ def _corrections_of_visits(o: Fit) -> tuple[Array, Array, float]:
 
     The third value is the share of the variance by settings that remains in the rows.
     """
-    k, C, blocks, local = read_gimbals(o.view), o.residual.shape[1], len(o.view.noise.starts), o.view.local
+    k, C, blocks, local = o.view.gimbals_with_readout, o.residual.shape[1], len(o.view.noise.starts), o.view.local
     assert local is not None
     sigma, v = local.sigma, len(local.zero_values)
     mine = local.group[o.view.noise.starts][:, None] == np.arange(v)
@@ -66,11 +68,10 @@ def _corrections_of_visits(o: Fit) -> tuple[Array, Array, float]:
 
 def _rows_about_corrections(o: Fit, x: Array, delta: Array, remaining: float) -> Fit:
     """Return rows about corrected constants and settings (delta (v, k) [rad]), its first order back in the residual."""
-    names, scale, local = o.view.stimulus.axis_names, np.array([p.sigma for p in o.parameters]), o.view.local
-    effects = with_values(o.effects, o.parameters, values(o.effects, o.parameters) + x * scale, names)
+    effects, local = o.shifted_effects(x), o.view.local
     assert local is not None
     e = local.zero_values
-    e[:, read_gimbals(o.view)] = delta
+    e[:, o.view.gimbals_with_readout] = delta
     back = apply_matrix(local.columns(local.evaluate(effects, e)), e[local.group])
 
     def evaluate(effects: Sequence[Effect]) -> Rows:
@@ -85,13 +86,36 @@ def about_causes(s: Search) -> Fit:
     """Return the rows linearised about the best known cause and the constants that go with it."""
     f = fit_causes(s, s.best_known.members if s.best_known else ())
     _, shift, _ = f.calibration()
-    names = s.fit.view.stimulus.axis_names
-    causes = []
-    for effect, (c, _) in zip(f.effects(), f.causes, strict=True):
-        (none,) = with_values((effect,), c.parameters, np.zeros(len(c.parameters)), names)
-        causes.append((none, c.parameters, values((effect,), c.parameters)))
-    bare = linearised_at(s.fit, shift, causes)
-    return given_back(scale_to_scatter(bare), causes)  # the scatter shows when they are gone
+    every = ((c.absent(s.fit.view.stimulus, variant.constants), c.parameters, f.size(n))
+             for n, (c, variant) in enumerate(f.causes))  # fmt: skip
+    causes = tuple({sized[0].id: sized for sized in reversed(tuple(every))}.values())  # an effect has constants once
+    bare = less_causes(s.fit, shift, causes)
+    return with_causes_back(scale_to_scatter(bare), causes)  # the scatter shows when they are gone
+
+
+def less_causes(o: Fit, shift: Array, causes: Sequence[SizedCause]) -> Fit:
+    """Return rows about constants shifted by (q,) prior sigmas, with causes in the model: what all of it leaves.
+
+    Products of a large cause with itself and with the constants, which are many sigmas, are in these derivatives. What
+    a cause adds to a sensor's output is left out of those by the constants: it changes them by its own small size, and
+    where two of them are alike (bias and scale of a sensor in a steady force) their difference would be a copy of it.
+    """
+    effects, names = o.shifted_effects(shift), o.view.stimulus.axis_names
+    sized = [with_values((e,), wanted, size, names)[0] for e, wanted, size in causes]
+    moving = [e for e in sized if e.stage not in SENSOR_STAGES]
+
+    def rows(more: Sequence[Effect]) -> Rows:
+        return replace(o.view.evaluate((*effects, *more)).over(o.sigma), effects=effects)
+
+    all_rows = rows(sized)
+    about = all_rows if len(moving) == len(sized) else rows(moving)
+    return replace(o, effects=effects, residual=all_rows.residual, jacobian=about.jacobian(o.parameters), kept=all_rows)
+
+
+def with_causes_back(o: Fit, causes: Sequence[SizedCause]) -> Fit:
+    """Return the rows of `less_causes` with what the causes explain in the residuals, to first order about there."""
+    explained = sum((o.rows.columns(e, wanted) @ size for e, wanted, size in causes), start=0 * o.residual)
+    return replace(o, residual=o.residual + explained)
 
 
 def about_first_cause(c: SearchResult, progress: Progress) -> SearchResult:

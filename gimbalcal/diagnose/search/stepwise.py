@@ -24,13 +24,18 @@ from gimbalcal.diagnose.search.ranking import (
     selected_causes,
     total_weight,
 )
-from gimbalcal.diagnose.search.refit import refit, start_with_baseline, with_columns, with_constants
+from gimbalcal.diagnose.search.refit import (
+    refit,
+    refuse_too_little,
+    start_with_baseline,
+    with_columns,
+    with_constants,
+)
 from gimbalcal.effects import values
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit, View
-from gimbalcal.views.known_attitude import refuse_too_little
 
 MAX_ROUNDS = 8
 RANK = 1e-12  # of the information about a parameter of the baseline: less is rounding

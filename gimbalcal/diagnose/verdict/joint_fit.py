@@ -42,7 +42,7 @@ from gimbalcal.effects.effect import constants
 from gimbalcal.effects.grids import kind
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.sharing import Agreement, Scope, agreement_test, scope_of
-from gimbalcal.inference.gauss_newton import chi2, gauss_newton
+from gimbalcal.inference.gauss_newton import Minimum, chi2, gauss_newton
 from gimbalcal.inference.information import (
     MIN_SIGNAL_TO_NOISE,
     Information,
@@ -116,8 +116,7 @@ class RecordingPart:
         """The model and the causes as this recording alone shows them, fitted together."""
         fit, s = self.search.fit, self.search.fit.view.stimulus
         _, with_causes, _ = self.fit.calibration()
-        x = values(fit.effects, fit.parameters) + with_causes * [p.sigma for p in fit.parameters]
-        effects = with_values(fit.effects, fit.parameters, x, s.axis_names)
+        effects = fit.shifted_effects(with_causes)
         for n, (c, own) in enumerate(zip(self.causes, self.constants, strict=True)):
             if c.effect not in {e.id for e in effects}:
                 effects = (*effects, c.absent(s, own))
@@ -351,7 +350,7 @@ def joint_fit(parts: Sequence[RecordingPart], causes: Sequence[Candidate]) -> Jo
     """
     wide = _wide_priors(parts)
     alone = [_least_squares(part, wide) for part in parts]
-    solution, each = alone[0][0], tuple(info for _, _, info, _ in alone)
+    solution, each = alone[0].solution, tuple(m.information for m in alone)
     if len(parts) > 1:
         solution = _with_sizes(
             solve(reduce(add, _shared_information(parts, each, wide))), _pool_causes(parts, each, wide)
@@ -360,24 +359,19 @@ def joint_fit(parts: Sequence[RecordingPart], causes: Sequence[Candidate]) -> Jo
     solution = replace(solution, parameters=tuple(narrow.get(p, p) for p in solution.parameters))
     value = dict(zip(solution.parameters, solution.x, strict=True))
     effects: dict[str, Effect] = {}
-    for part, (_, model, _, _) in zip(parts, alone, strict=True):
+    for part, m in zip(parts, alone, strict=True):
+        model = with_values(part.start, part.wanted, m.solution.x, names)
         mine = [p for p in part.wanted if p in value]
         for e in with_values(model, mine, np.array([value[p] for p in mine]), names):
             effects.setdefault(e.id, e)
-    converged = all(arrived for *_, arrived in alone)
+    converged = all(m.steps for m in alone)
     return JointFit(tuple(parts), tuple(causes), tuple(effects.values()), solution, each, wide, converged)
 
 
-def _least_squares(
-    part: RecordingPart, wide: Mapping[Parameter, Parameter]
-) -> tuple[Solution, tuple[Effect, ...], Information, bool]:
-    """Return the fit to one recording, linearised again until nothing moves, by steps that never raise chi^2.
-
-    It is the solution, the model there, the information of the rows about it, and whether it converged.
-    """
+def _least_squares(part: RecordingPart, wide: Mapping[Parameter, Parameter]) -> Minimum:
+    """Return the fit to one recording, linearised again until nothing moves, by steps that never raise chi^2."""
     model, wanted, s = part.start, part.wanted, part.search.fit.view.stimulus
     priors, tried = tuple(wide.get(p, p) for p in wanted), dict[bytes, Information]()
-    last: Array | None = None
 
     def linearise(x: Array) -> Information:
         if x.tobytes() not in tried:
@@ -389,8 +383,6 @@ def _least_squares(
         return tried[x.tobytes()]
 
     def arrived(_: int, x: Array, solution: Solution) -> bool:
-        nonlocal last
-        last = x
         return bool(np.all(np.abs(solution.x - x) <= CONVERGED_SIGMAS * solution.sigma))
 
     bounds, start = range_of_constants(wanted, s), values(model, wanted)
@@ -398,12 +390,10 @@ def _least_squares(
     without = [p for p in wanted if p in baseline.parameters]
     other = values(with_values(model, without, values(baseline.effects, without), s.axis_names), wanted)
     start = min((start, other), key=lambda x: chi2(linearise(x), x))
-    solution, steps = gauss_newton(linearise, start, bounds, MIN_SIGNAL_TO_NOISE, True, arrived, lambda _: False)
-    assert last is not None
-    info = linearise(last)
-    if not steps:  # the last step was not tried
-        solution = replace(solution, x=last, chi2=chi2(info, last))
-    return solution, with_values(model, wanted, solution.x, s.axis_names), info, bool(steps)
+    m = gauss_newton(linearise, start, bounds, MIN_SIGNAL_TO_NOISE, True, arrived, lambda _: False)
+    if m.steps:
+        return m
+    return replace(m, solution=replace(m.solution, x=m.x, chi2=chi2(m.information, m.x)))  # the last step was not tried
 
 
 def _pool_causes(

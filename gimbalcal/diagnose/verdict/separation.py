@@ -18,10 +18,11 @@ from gimbalcal.design.manoeuvres import available_manoeuvres
 from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.library.candidates import Candidate, SelectedCause
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.inference.algebra import beyond, orthonormal
 from gimbalcal.number import Array
 from gimbalcal.views.core import Fit
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 
 MAX_VARIANTS = 12  # variants of the other cause: the grid of its constants
 MAX_PLANNED_ROWS = 720  # rows of a static run that a planned one is laid out with

@@ -14,10 +14,11 @@ from gimbalcal.diagnose.evidence.stated_noise import (
     scale_to_scatter,
     single_walks_of_stated_noise,
 )
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.effects import Stage
 from gimbalcal.effects.process import covariance
 from gimbalcal.inference.noise_processes import chain
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.diagnose.law_plants import held_before
 from tests.diagnose.plant import UG, on, record
 from tests.diagnose.small import covariance as covariance_of

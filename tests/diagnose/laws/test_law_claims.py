@@ -29,14 +29,14 @@ from gimbalcal.diagnose.laws.law_search import Ground, Law, Place
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.library.variables import variables
 from gimbalcal.diagnose.search.ranking import is_usual, search
-from gimbalcal.diagnose.search.refit import start_with_baseline
+from gimbalcal.diagnose.search.refit import fit_baseline, start_with_baseline
 from gimbalcal.diagnose.search.stepwise import result_of
 from gimbalcal.effects import CATALOGUE, Stage
 from gimbalcal.pipeline import load
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording, Site, write
 from gimbalcal.report.diagnosis_page import diagnosis_report
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.words.diagnosis_headline import headline
 from tests.benchmarks import unknown_hand, unknown_mount
 from tests.benchmarks.law_plants import corrected, misfit, parallactic

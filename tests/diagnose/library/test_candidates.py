@@ -21,10 +21,11 @@ from gimbalcal.diagnose.library.candidates import (
     is_eligible,
     of_effect,
 )
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.effects import CATALOGUE, Effect, Stage, parameters
 from gimbalcal.kinematics import stimulus_from_angles
 from gimbalcal.number import Array
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.diagnose.plant import at_strength, on, record
 
 GIMBALS = ("platform", "inner", "middle")

@@ -5,11 +5,13 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
+from gimbalcal.diagnose.search.refit import fit_baseline
+from gimbalcal.diagnose.search.relinearise import less_causes, with_causes_back
 from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.recording import Recording
 from gimbalcal.simulate import simulate
 from gimbalcal.views.core import absent_effect
-from gimbalcal.views.known_attitude import fit_baseline, given_back, linearised_at, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 
 SCENARIO: dict[str, Any] = {
     "format": 1, "kind": "static-run", "site": {"latitude": {"value": 52.0, "unit": "deg"}},
@@ -44,7 +46,7 @@ def test_the_rows_about_a_large_cause_are_explained_by_it():
     first, shift, size = fitted(o, "gyro_drift")
     assert first > 1.2  # products of 1500 sigmas
     found = [(absent_effect("gyro_drift", o.view.stimulus), wanted, size)]
-    about = given_back(scale_to_scatter(linearised_at(o, shift, found)), found)
+    about = with_causes_back(scale_to_scatter(less_causes(o, shift, found)), found)
     chi2, _, size = fitted(about, "gyro_drift")
     assert abs(chi2 - 1) < 0.1
     np.testing.assert_allclose(np.rad2deg(size) * 3600, [0.002, 0, 0], atol=5e-6)

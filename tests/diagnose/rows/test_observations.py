@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.evidence.stated_noise import noise_grid, nominal_noise, scale_to_scatter
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
 from gimbalcal.forward import predict
 from gimbalcal.number import STEP
 from gimbalcal.recording import block_means, read
 from gimbalcal.views.core import absent_effect
-from gimbalcal.views.known_attitude import MOST_ROWS, fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import MOST_ROWS, view_at_known_attitude
 from tests.diagnose.plant import ARCSEC, UG, record
 from tests.golden import refused
 

@@ -6,9 +6,10 @@ import numpy as np
 
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.evidence.stated_noise import nominal_noise, scale_to_scatter, setting_is_second_order
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.diagnose.search.relinearise import about_settings
 from gimbalcal.estimate.grade import grade_of_unit
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.diagnose.grade_plant import PATTERNS, of_force, on_gimbals
 
 DEGREE = 3600.0

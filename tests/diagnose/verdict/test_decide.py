@@ -7,8 +7,9 @@ from gimbalcal.diagnose.evidence.odds import CLAIM, UNSURE_FACTOR
 from gimbalcal.diagnose.evidence.stated_noise import noise_grid, scale_to_scatter
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.search.ranking import search
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.diagnose.verdict.decide import decide, noise_gain
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.diagnose.law_plants import Law, at_size, laws, unforeseen
 
 

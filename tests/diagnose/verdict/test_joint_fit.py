@@ -15,6 +15,7 @@ from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.diagnose.library.assemble import columns_at
 from gimbalcal.diagnose.search.combine import combine_rankings
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.diagnose.verdict.agreement import inverse_of
 from gimbalcal.diagnose.verdict.joint_fit import joint_fit, parts_of
 from gimbalcal.effects import CATALOGUE
@@ -23,7 +24,7 @@ from gimbalcal.effects.grids import limits
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.recording import Source
 from gimbalcal.units import to_si
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.diagnose import static_plant
 from tests.diagnose.plant import ARCSEC, UG, cooled, known, on, record
 from tests.diagnose.small import candidate, covariance, gls, observed, rows_of, searched

@@ -5,11 +5,12 @@ import pytest
 
 from gimbalcal.design.manoeuvres import available_manoeuvres, second_pass
 from gimbalcal.diagnose.evidence.stated_noise import nominal_noise
+from gimbalcal.diagnose.search.refit import fit_baseline
 from gimbalcal.diagnose.verdict import separation as module
 from gimbalcal.diagnose.verdict.separation import SETTLED_NATS, Advice, advise_manoeuvre, expected_separation
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.platform import SPACE_STABLE
-from gimbalcal.views.known_attitude import fit_baseline, view_at_known_attitude
+from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.diagnose.small import at_rest, columns_at, covariance, few, observed, rows_of
 
 TABLE = observed(1, dwell=3)
