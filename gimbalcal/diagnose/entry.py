@@ -30,7 +30,7 @@ from gimbalcal.effects.loading import files_outside
 from gimbalcal.entries import plain_json
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.fit_summary import joined_sentences
-from gimbalcal.estimate.caveats import caveats, input_errors, too_few_attitudes
+from gimbalcal.estimate.caveats import caveats, too_few_attitudes
 from gimbalcal.estimate.grade import Graded, grade_of_unit, refuse_for_mounts
 from gimbalcal.estimate.pointing.fit import usual_terms
 from gimbalcal.estimate.pointing.mount import pointing_calibration
@@ -44,6 +44,7 @@ from gimbalcal.recording.joining import refuse_twice
 from gimbalcal.unusual_constants import with_question
 from gimbalcal.views.core import by_triad
 from gimbalcal.views.pointing import read_axes, split_nights
+from gimbalcal.views.segments import turned_in_place
 from gimbalcal.words.naming import capitalised
 
 
@@ -151,11 +152,12 @@ def with_caveats(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequen
     if few:
         d = replace(d, in_words=f"{d.in_words} But {few}.")
     if d.verdict == "unexplained":
-        slips = [slip for r in recordings for slip in input_errors(r)]
-        return replace(d, in_words=f"{d.in_words} {capitalised(slips[0])}.") if slips else d
+        slip = _outcome_in_place(d, recordings)[1]
+        return replace(d, in_words=f"{d.in_words} {capitalised(slip)}.") if slip else d
     if d.verdict != "adequate":
         return d
-    reasons = list(dict.fromkeys(words for r in recordings for words in caveats(r, baseline)))
+    every = [_outcome_in_place(d, recordings)[0], *(words for r in recordings for words in caveats(r, baseline))]
+    reasons = list(dict.fromkeys(filter(None, every)))
     if few:
         return replace(d, outcome=joined_sentences([few, *reasons]), provenance={**d.provenance, "untested": True})
     if not reasons:
@@ -164,6 +166,14 @@ def with_caveats(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequen
     of = "stated noise" if stated else "noise of the samples"
     words = f"No catalogued cause is significant, but the residuals exceed the {of}. {outcome}."
     return replace(d, outcome=outcome, in_words=words, provenance={**d.provenance, "noise_stated": stated})
+
+
+def _outcome_in_place(d: Diagnosis, recordings: Sequence[Recording]) -> tuple[str, str]:
+    """Return what speaks against the model of a unit turned in its place, and the input error that is suspected."""
+    if d.without is None or not turned_in_place(recordings[0]):
+        return "", ""
+    reason, _, slip = d.without("").outcome.partition("; ")
+    return reason, "" if "`gimbalcal diagnose`" in slip else slip
 
 
 def _by_kind(request: DiagnosisRequest) -> Diagnosis:

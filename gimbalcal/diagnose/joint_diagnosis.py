@@ -165,7 +165,7 @@ def _model(group: Sequence[Fit], gimbals: Sequence[str]) -> Block:
     if len(group) > 1:
         wanted = with_widest_priors(p for m in group for p in m.parameters)
         effects = tuple({e.id: e for m in group for e in m.effects}.values())
-        last = {p.label: x for m in group for p, x in zip(m.parameters, values(m.effects, m.parameters), strict=True)}
+        last = {p.label: x for m in group for p, x in zip(m.parameters, m.x, strict=True)}
         start = with_values(effects, wanted, np.array([last[p.label] for p in wanted]), gimbals)
         fitted = fit([m.view for m in group], wanted, start)
         effects, wanted, covariance = fitted.effects, fitted.parameters, fitted.covariance
@@ -180,7 +180,7 @@ def _unseen_parameters(fits: Sequence[Fit]) -> list[Unobservable]:
     out: list[Unobservable] = []
     for s in fits:
         sigma = np.sqrt(np.maximum(np.diag(s.covariance), 0.0))
-        silent = keeps_prior(s.parameters, values(s.effects, s.parameters), sigma)
+        silent = keeps_prior(s.parameters, s.x, sigma)
         labels = [p.label for p, at_prior in zip(s.parameters, silent, strict=True) if at_prior]
         out += [Unobservable({one: 1.0}, f"{one} does not show in {s.view.name}") for one in labels]
         turned = {effect for effect, _ in s.view.gauge}  # of the accelerometers, as a triad

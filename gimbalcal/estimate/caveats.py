@@ -18,14 +18,12 @@ from gimbalcal.estimate.accelerometers.multiposition import multiposition, param
 from gimbalcal.estimate.accelerometers.position_fit import Positions
 from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.estimate.static_run.system import calibrate_static_run, static_readings
-from gimbalcal.estimate.systematic.calibrate import systematic
 from gimbalcal.estimate.unit import with_gyroscopes
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dwell import attitudes
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import by_triad
 from gimbalcal.views.norm import norm
-from gimbalcal.views.segments import turned_in_place
 
 
 def caveats(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
@@ -34,8 +32,6 @@ def caveats(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
     out = []
     if recording.kind.stabilised and usual:
         out += _sentences(lambda: [calibrate_static_run(static_readings(recording)).outcome.partition(", so ")[0]])
-    if turned_in_place(recording) and usual:
-        out += _sentences(lambda: [systematic(recording, "30").outcome.partition(";")[0]])
     if not recording.kind.in_positions or recording.position is None or not recording.has(FORCE):
         return out
     if recording.has("gimbal_angle"):
@@ -70,14 +66,6 @@ def too_few_attitudes(recordings: Sequence[Recording], baseline: Sequence[str] =
         if different <= constants
         else ""
     )
-
-
-def input_errors(recording: Recording) -> list[str]:
-    """Return the likeliest input error by the calibration of a unit turned in its place, where it names one."""
-    if not turned_in_place(recording):
-        return []
-    slips = _sentences(lambda: [systematic(recording, "30").outcome.partition("; ")[2]])
-    return [slip for slip in slips if "`gimbalcal diagnose`" not in slip]
 
 
 def _sentences(ask: Callable[[], list[str]]) -> list[str]:

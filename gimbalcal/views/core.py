@@ -273,9 +273,19 @@ class Fit:
         """One sigma (C,) of a row of known noise scale, SI."""
         return np.asarray(self.view.noise.sigma)
 
+    @property
+    def x(self) -> Array:
+        """Estimate (p,) of the parameters, SI."""
+        return values(self.effects, self.parameters)
+
+    @property
+    def sigmas(self) -> Array:
+        """One standard deviation (p,) of each parameter, SI."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
     def shifted_effects(self, shift: Array) -> tuple[Effect, ...]:
         """Return the effects with the fitted parameters shifted by (p,) prior sigmas."""
-        x = values(self.effects, self.parameters) + shift * np.array([p.sigma for p in self.parameters])
+        x = self.x + shift * np.array([p.sigma for p in self.parameters])
         return with_values(self.effects, self.parameters, x, self.view.stimulus.axis_names)
 
     @cached_property

@@ -100,11 +100,11 @@ def _of_effect(maker: _Columns, effect_id: str, blocks: list[Array]) -> list[Can
     """
     v, cls, modelled = maker.fit.view, CATALOGUE[effect_id], maker.fit.parameters
     there = next((e for e in maker.rows.effects if e.id == effect_id), None)
-    had = {(p.effect, p.field, p.axis) for p in modelled}
+    had = {p.label for p in modelled}
     begun = {(p.effect, p.axis) for p in modelled}  # series, of which another number of terms is another candidate
     terms = v.noise.own_memories  # only where rows follow the angle do they show the harmonics of a pattern in it
     wanted = tuple(
-        p for p in v.parameters_of(effect_id) if (p.effect, p.field, p.axis) not in had
+        p for p in v.parameters_of(effect_id) if p.label not in had
         and (order_of(p) == 1 or (terms and (p.effect, p.axis) not in begun))
     )  # fmt: skip
     if not v.noise.scale_known and there is None and {p.axis for p in wanted} & set(v.stimulus.axis_names):

@@ -49,7 +49,7 @@ def combine_rankings(searches: Sequence[Search]) -> Ranking:
         return searches[0]
     candidates, place = matched_candidates(searches)
     prior = log_priors(candidates)
-    c = Ranking(Library(candidates, np.zeros((0, 0))), (), prior, views=tuple(searches), places=place)
+    c = Ranking(Library(candidates, np.zeros((0, 0))), (), prior, parts=tuple(searches), places=place)
     ln = c.summed([s.singles for s in searches])
     hypotheses, share = ranked_hypotheses(candidates, ln, prior, float((ln + prior).max()), partial(_with_second, c))
     return replace(c, hypotheses=hypotheses, share=share)

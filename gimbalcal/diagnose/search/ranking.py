@@ -72,20 +72,20 @@ def total_weight(hypotheses: Sequence[Hypothesis]) -> float:
 class Ranking:
     """Candidates, and hypotheses over them, best first, by one view or by several of one unit.
 
-    share: ln prior share (candidates,) of each alone. views: of several views the search of each; places (candidates,
+    share: ln prior share (candidates,) of each alone. parts: of several views the search of each; places (candidates,
     views): of each candidate in each library, or `ABSENT`.
     """
 
     library: Library
     hypotheses: tuple[Hypothesis, ...]
     share: Array
-    views: tuple[Search, ...] = field(default=(), kw_only=True)
+    parts: tuple[Search, ...] = field(default=(), kw_only=True)
     places: Array = field(default_factory=lambda: np.zeros((0, 0), dtype=int), kw_only=True)
 
     @property
     def searches(self) -> tuple[Search, ...]:
         """The search of each view."""
-        return self.views
+        return self.parts
 
     @property
     def place(self) -> Array:

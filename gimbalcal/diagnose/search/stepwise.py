@@ -31,7 +31,6 @@ from gimbalcal.diagnose.search.refit import (
     with_columns,
     with_constants,
 )
-from gimbalcal.effects import values
 from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
@@ -227,7 +226,7 @@ def ln_evidence(m: Fit) -> float:
     G += RANK * np.diag(1 + np.diag(G))
     assert isinstance(scale, Free)
     C, S = np.linalg.inv(G) * (m.residual.size / scale.dof), np.zeros(len(names))
-    x = values(m.effects, m.parameters) / np.array([p.sigma for p in m.parameters])
+    x = m.x / np.array([p.sigma for p in m.parameters])
     ln = float(logsumexp(np.array([p.log_evidence() for p in each])) - np.linalg.slogdet(G)[1] / 2)
     for effect in dict.fromkeys(name for name in names if name not in m.view.baseline):
         at = [i for i, name in enumerate(names) if name == effect]

@@ -22,7 +22,7 @@ from gimbalcal.diagnose.evidence.odds import (
     UNKNOWN_LAW_SHARE,
     UNSURE_FACTOR,
 )
-from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, given_all, without_unclaimed
+from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, given_all, without_unclaimed
 from gimbalcal.diagnose.verdict.judgement import Judgement, best_evidence, judge_member
 from gimbalcal.number import Array
 
@@ -90,14 +90,12 @@ def noise_gain(s: Ranking, members: Sequence[int]) -> float:
     may well be larger, so the cause stays named, but it is not sure. Of several views it is that of the one that gains
     most.
     """
-    return max(_gain_of_other_noise(one, s.within(members, k)) for k, one in enumerate(s.searches))
-
-
-def _gain_of_other_noise(s: Search, members: Sequence[int]) -> float:
-    """Return the same of one view."""
-    prior = np.array([p.node.prior for p in s.projections])
-    likelihood = [given_all(s, k, members, float(s.null[k]) - float(np.log(prior[k])))[1] for k in range(len(prior))]
-    return max(likelihood) - likelihood[int(np.argmax(prior))]
+    gains = []
+    for one, mine in ((one, s.within(members, k)) for k, one in enumerate(s.searches)):
+        prior = np.array([p.node.prior for p in one.projections])
+        ln = [given_all(one, k, mine, float(one.null[k]) - float(np.log(prior[k])))[1] for k in range(len(prior))]
+        gains.append(max(ln) - ln[int(np.argmax(prior))])
+    return max(gains)
 
 
 def _simplest_axes(s: Ranking, best: Hypothesis) -> Hypothesis:

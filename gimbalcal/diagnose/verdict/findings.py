@@ -26,7 +26,7 @@ from gimbalcal.diagnose.verdict.joint_fit import JointFit
 from gimbalcal.diagnose.verdict.judgement import Judgement, judged_without
 from gimbalcal.diagnose.verdict.separation import advise_manoeuvre
 from gimbalcal.diagnose.verdict.verify import held_out_misfit, row_sigma
-from gimbalcal.effects import CATALOGUE, Parameter, values
+from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import constants
 from gimbalcal.effects.sensor_grades import most_of_any_unit
 from gimbalcal.errors import InputError
@@ -131,11 +131,10 @@ def cancelling_causes(c: SearchResult) -> list[SelectedCause]:
     next like it: terms of a series, not causes. Contributions count without what the baseline takes up of them.
     """
     m, Q = c.end, orthonormal_columns(c.end.reduced(c.start.jacobian))
-    x = values(m.effects, m.parameters)
-    out = []
+    x, out = m.x, []
     for cause, variant in (this for this in c.causes if not is_usual(this[0], m.view.kind)):
-        own = {(p.effect, p.field, p.axis) for p in cause.parameters}
-        at = [i for i, p in enumerate(m.parameters) if (p.effect, p.field, p.axis) in own]
+        own = {p.label for p in cause.parameters}
+        at = [i for i, p in enumerate(m.parameters) if p.label in own]
         added = m.reduced((m.jacobian[..., at] @ x[at])[..., None])[:, 0]
         misfit = m.reduced(c.start.residual[..., None])
         if np.linalg.norm(beyond(Q, added)) > SERIES * np.linalg.norm(misfit):
@@ -148,8 +147,7 @@ def impossible_causes(c: SearchResult) -> list[SelectedCause]:
 
     Where the attitude changes by a few degrees from row to row, a memory of half the force fits the misfit of |f|.
     """
-    m, sigma = c.end, np.sqrt(np.diag(c.end.covariance))
-    excess = np.abs(values(m.effects, m.parameters)) - IMPOSSIBLE_SIGMAS * sigma
+    m, excess = c.end, np.abs(c.end.x) - IMPOSSIBLE_SIGMAS * c.end.sigmas
     duration_s = float(np.ptp(m.view.stimulus.time))
     beyond = {
         p.label
@@ -179,9 +177,8 @@ def finding_of_view(m: Fit, j: Judgement) -> Finding:
     e, own = j.cause.effect, {p.label for p in j.cause.parameters}
     names = {f.name for f in constants(CATALOGUE[e])}
     constant = [p.effect == e and p.field in names for p in m.parameters]
-    sigma = np.sqrt(np.diag(m.covariance))
-    silent = keeps_prior(m.parameters, np.where(constant, 0.0, values(m.effects, m.parameters)), sigma)
-    each = zip(m.parameters, values(m.effects, m.parameters), sigma, silent, strict=True)
+    silent = keeps_prior(m.parameters, np.where(constant, 0.0, m.x), m.sigmas)
+    each = zip(m.parameters, m.x, m.sigmas, silent, strict=True)
     estimates = [(p, Estimate.of(p, x, s)) for p, x, s, at_prior in each if not at_prior]
     rows = [r for p, r in estimates if p.label in own]
     rows += [replace(r, name=p.field, axis="") for p, r in estimates if p.effect == e and p.field in names]

@@ -180,8 +180,8 @@ def judged_without(end: Fit, taken: Candidate) -> Judgement:
     nothing at all is claimed in its place, in noise with a memory, its probability is none: of a hundred causes one
     follows such a noise.
     """
-    own = {(p.effect, p.field, p.axis) for p in taken.parameters}
-    wanted = [p for p in end.parameters if (p.effect, p.field, p.axis) not in own]
+    own = {p.label for p in taken.parameters}
+    wanted = [p for p in end.parameters if p.label not in own]
     names = end.view.stimulus.axis_names
     none = with_values(end.effects, taken.parameters, np.zeros(len(taken.parameters)), names)
     number = every_number(end.view, CATALOGUE[taken.effect])[0]

@@ -16,7 +16,7 @@ import numpy as np
 from gimbalcal.diagnose.result import Delay, RmsMisfit, RowNoise, SearchStep, Shift, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import FittedCauses
 from gimbalcal.diagnose.search.stepwise import SearchResult
-from gimbalcal.effects import Parameter, values
+from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.inference.algebra import beyond, eigh, orthonormal_columns
 from gimbalcal.number import Array
@@ -210,9 +210,8 @@ def held_out_misfit(m: Fit, sigma: Array) -> Array:
 def view_shifts(before: Fit, after: Fit) -> tuple[Shift, ...]:
     """Return the change of each constant of the baseline once the causes are in the model, the clearest first."""
     visible = np.abs(before.jacobian).max(axis=(0, 1)) > 1e-9  # means taken off leave rounding of a bias
-    old = values(before.effects, before.parameters)
     new = {p.label: k for k, p in enumerate(after.parameters)}
     shown = [(p, k, new[p.label]) for k, p in enumerate(before.parameters) if visible[k]]
     at = [k for *_, k in shown]
-    change = values(after.effects, after.parameters)[at] - old[[k for _, k, _ in shown]]
-    return shifts_of([p for p, *_ in shown], change, np.sqrt(np.diag(after.covariance))[at])
+    change = after.x[at] - before.x[[k for _, k, _ in shown]]
+    return shifts_of([p for p, *_ in shown], change, after.sigmas[at])

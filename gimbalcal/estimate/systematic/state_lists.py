@@ -35,11 +35,11 @@ def states(
     recording, or this one, does not show.
     """
     named = LISTS.get(asked.strip(), tuple(part.strip() for part in asked.split(",") if part.strip()))
-    out: dict[tuple[str, str, str], Parameter] = {}
+    out: dict[str, Parameter] = {}
     for name in named:
         effect, _, axis = name.partition(":")
         for p in _parameters_of(f"{option} {name}", effect, axis, why_not):
-            out[p.effect, p.field, p.axis] = p
+            out[p.label] = p
     for a in more:
         if a.free:
             raise InputError(
@@ -48,7 +48,7 @@ def states(
             )
         for p in a.parameters(()):
             if p.axis in KEPT.get(p.effect, (p.axis,)) or a.axes:
-                out[p.effect, p.field, p.axis] = replace(p, sigma=p.sigma / PRIOR_FACTOR)  # the catalogue's
+                out[p.label] = replace(p, sigma=p.sigma / PRIOR_FACTOR)  # the catalogue's
     if not out:
         raise InputError(f"{option} {asked}: no effect is named; write 30, 51 or effects of `gimbalcal catalogue`")
     return tuple(out.values())
