@@ -61,7 +61,7 @@ def panels(titles: Sequence[str], across: int = 3, width: float = 3.2, height: f
     return figure, axes[: len(titles)]
 
 
-def data_frame(columns: Mapping[str, Sequence[Any] | Array], kind: str = "polars", text: Sequence[str] = ()) -> Any:
+def data_frame(columns: Mapping[str, Sequence[Any] | Array], kind: str, text: Sequence[str] = ()) -> Any:
     """Return columns as a data frame of polars or of pandas; `text` names those that hold strings, others hold floats.
 
     Raises InputError for another kind, and where pandas is not installed.

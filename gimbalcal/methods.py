@@ -108,9 +108,7 @@ def calibrate_each(
     )
 
 
-def cross_checks(
-    each: Sequence[tuple[Calibration, tuple[Recording, ...]]], progress: Progress = no_progress
-) -> list[CrossCheck]:
+def cross_checks(each: Sequence[tuple[Calibration, tuple[Recording, ...]]], progress: Progress) -> list[CrossCheck]:
     """Compare every triad with the first in the rests of the first recording, where that is possible."""
     checks = []
     (a, (r, *_)) = each[0]

@@ -40,7 +40,7 @@ MAX_RATE = 35.0  # rad/s, 2000 deg/s: the range of common gyroscopes; larger num
 
 
 def correct_arrays(
-    calibration: Calibration, readings: Mapping[str, Any], units: Mapping[str, str] | None = None
+    calibration: Calibration, readings: Mapping[str, Any], units: Mapping[str, str] | None
 ) -> dict[str, Array]:
     """Return corrected arrays: time (n,), specific_force and angular_rate (n, 3), others (n,) or by axis.
 
@@ -64,7 +64,7 @@ def correct_arrays(
     return {q: _to_unit(corrected.triad(q), stated.get(q, "")) for q in (FORCE, RATE) if corrected.has(q)}
 
 
-def correct_frame(calibration: Calibration, frame: FrameT, columns: Mapping[str, Entry] | None = None) -> FrameT:
+def correct_frame(calibration: Calibration, frame: FrameT, columns: Mapping[str, Entry] | None) -> FrameT:
     """Return a data frame (pandas, polars) whose columns of force and rate are corrected, in their own units.
 
     columns: what they hold, as in `recording.from_frame`; without, they are guessed as by `gimbalcal new`. Counts

@@ -167,7 +167,7 @@ class CampaignFolder:
     def finish(
         self,
         summarise: Callable[[pl.DataFrame, str], CampaignSummary],
-        page: Callable[[CampaignSummary], str] | None = None,
+        page: Callable[[CampaignSummary], str] | None,
     ) -> CampaignSummary:
         """Join all shares into campaign.parquet, write campaign.json and a page, all or none; remove the shares.
 

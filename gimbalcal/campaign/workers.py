@@ -44,7 +44,7 @@ def number_of_workers(requested: int | None) -> int:
 
 def compute_items(
     work: Callable[[Item], Result], items: Sequence[Item], lost: Callable[[Item, str], Result], workers: int,
-    client: Any = None,
+    client: Any,
 ) -> Iterator[tuple[Item, Result]]:  # fmt: skip
     """Yield each item with its result, as they are finished, by a Dask client or by processes of this machine."""
     if client is not None:

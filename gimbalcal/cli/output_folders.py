@@ -128,7 +128,7 @@ class Output:
 
 
 def output_options(
-    what: str, default: str = "nothing is written", replaces: bool = True
+    what: str, default: str, replaces: bool = True
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Return a decorator that adds --out, --quiet, --json and, if it `replaces` files, --overwrite to a command.
 

@@ -51,7 +51,7 @@ TIME, TEMPERATURE = "time", "temperature"
 
 
 def design_learning(
-    rig: PositioningRig, count: int, learn: Sequence[str], terms: Sequence[str] = (), seed: int = 0
+    rig: PositioningRig, count: int, learn: Sequence[str], terms: Sequence[str] = ()
 ) -> PositionsDesign:
     """Return `count` positions in order, and the temperatures, by which a law in one or two variables is distinguished.
 
@@ -77,7 +77,7 @@ def design_learning(
     for cycles in CYCLES if warm else (0,):
         T = np.sin(2 * np.pi * cycles * (np.arange(count) + 0.5) / count) if warm else np.zeros(count)
         rows, _, confounders = _rows(rig, settings, T, learn, wanted)
-        chosen = optimise(rows, count, "D", ~confounders, seed, STARTS)
+        chosen = optimise(rows, count, "D", ~confounders, 0, STARTS)
         plans[cycles] = settings[chosen], _law_share(rig, settings[chosen], T, learn, wanted)
     best = max(share for _, share in plans.values())
     cycles = next(k for k, (_, share) in plans.items() if share >= MIN_RELATIVE_SHARE * best)

@@ -168,7 +168,7 @@ def keeps_table_limits(table: TwoAxisTable, tour: Tour) -> bool:
 
 def anneal(
     search: TurningSearch, first: Sequence[Tour], reference: Array, criterion: str, tries: int, seed: int,
-    progress: Progress = no_progress,
+    progress: Progress,
 ) -> tuple[Tour, float]:  # fmt: skip
     """Return the best tour of a search from `first`, and its objective; reference (g,) in prior sigmas, as `groups`."""
     rng = np.random.default_rng(seed)

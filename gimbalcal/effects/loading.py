@@ -284,10 +284,11 @@ def _smooth_constants(sized: Effect, s: Stimulus) -> str:
     return ""
 
 
-def example_stimulus(cls: type[Effect], n: int = 12) -> Stimulus:
-    """Return a made-up stimulus (n rows, three gimbals) that has everything an effect may ask for."""
+def example_stimulus(cls: type[Effect]) -> Stimulus:
+    """Return a made-up stimulus (12 rows, three gimbals) that has everything an effect may ask for."""
     rng = np.random.default_rng(0)
-    k, visit = len(GIMBALS), np.arange(n) // 3
+    n, k = 12, len(GIMBALS)
+    visit = np.arange(n) // 3
     names = {need.partition(":")[2] or "logged" for need in cls.requires if need.startswith("covariate")} or {"logged"}
     many = (rng.uniform(0.3, 0.9, (n, 3)) for _ in range(8))
     force, move, earlier, rate, target, slope, one, other = many

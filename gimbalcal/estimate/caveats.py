@@ -45,7 +45,7 @@ def caveats(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
     return out
 
 
-def too_few_attitudes(recordings: Sequence[Recording], baseline: Sequence[str] = ()) -> str:
+def too_few_attitudes(recordings: Sequence[Recording], baseline: Sequence[str]) -> str:
     """Explain that units turned by hand took no more attitudes than their model has constants; empty where they did.
 
     Whatever the constants are, they then fit: dwells that repeat an attitude test its noise and drift, not the model.

@@ -452,7 +452,7 @@ NONE = np.zeros((0, 0))
 
 
 def _rows_about(
-    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, local: Sequence[Array] = ()
+    views: Sequence[View], effects: Sequence[Effect], wanted: Sequence[Parameter], x: Array, local: Sequence[Array]
 ) -> _Linear:
     """Return the rows of views about parameters and nuisances x (p,), and local parameters (m, k); none: zero."""
     J, r, parts = [], [], []

@@ -41,7 +41,7 @@ OFFSET = frozenset(
 )
 
 
-def axis_angles(table: Table, longitude: float | None = None) -> tuple[Table, dict[str, str]]:
+def axis_angles(table: Table, longitude: float | None) -> tuple[Table, dict[str, str]]:
     """Return the table with right ascensions as hour angles and zenith distances as elevations, by their old names.
 
     longitude: of the place, deg east, where no column or remark states it. Returns what was assumed, too. Raises

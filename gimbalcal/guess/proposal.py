@@ -553,7 +553,7 @@ def _rig(log: Log, context: _Context) -> tuple[Correction | None, dict[str, Gues
     return among[0], gimbals, tuple(n for n in named if n not in gimbals)
 
 
-def _entries(guesses: Mapping[str, Guess], reversed_columns: Sequence[str] = ()) -> dict[str, dict[str, object]]:
+def _entries(guesses: Mapping[str, Guess], reversed_columns: Sequence[str]) -> dict[str, dict[str, object]]:
     """Return columns as a recording.toml has them."""
     return {
         name: {

@@ -12,8 +12,8 @@ from gimbalcal.errors import InputError
 from gimbalcal.number import Array
 from gimbalcal.recording.frames import from_frame
 from gimbalcal.recording.lines import EMPTY
+from gimbalcal.recording.noise_levels import pooled_scatter
 from gimbalcal.recording.record import Key, Recording, Source
-from gimbalcal.recording.scatter import pooled_scatter
 
 
 def text_matrix(path: Path, columns: int) -> Array:

@@ -201,7 +201,7 @@ def _fit(c: AllanCurve, first: int, discrepancy: float = 0.0) -> AllanFit:
     return AllanFit(square, V, most, np.sqrt(np.diag(C)), first, float(residual @ residual), len(y) - len(active))
 
 
-def _weighted(c: AllanCurve, first: int, active: Sequence[int], discrepancy: float = 0.0) -> tuple[Array, Array, float]:
+def _weighted(c: AllanCurve, first: int, active: Sequence[int], discrepancy: float) -> tuple[Array, Array, float]:
     """Return squares (3,) weighted with the covariance that they imply, that covariance, and -2 ln likelihood."""
     A = allan_law(c.tau)
     square = np.zeros(TERMS)

@@ -117,9 +117,7 @@ def navigate(
     return NavigatorOutput(time, out[:, 0], np.unwrap(out[:, 1]), out[:, 2], out[:, 3:])
 
 
-def course_deviation(
-    time: Array, force: Array, phase: Array, site: InertialSite, aids: Aids = USUAL
-) -> NavigatorOutput:
+def course_deviation(time: Array, force: Array, phase: Array, site: InertialSite, aids: Aids) -> NavigatorOutput:
     r"""Return how the course of a still base moves with small errors of force (n, 3, p) [m/s^2] and of S at first (p,)
     [rad].
 

@@ -73,7 +73,7 @@ COUNTED = Column(" time", "time", "", "s")  # made from the number of the row; a
 ROW_STEP_S = 60.0  # s between rows that are counted without a rate
 
 
-def columns_of(document: Document, platform: Platform, clock_needed: bool = True) -> tuple[Column, ...]:
+def columns_of(document: Document, platform: Platform, clock_needed: bool) -> tuple[Column, ...]:
     """Return every column that the header names, checked; `InputError` names the line. Rows may serve as clock."""
     table = document.table("columns")
     columns: list[Column] = []

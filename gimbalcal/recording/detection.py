@@ -38,8 +38,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.number import Array
+from gimbalcal.recording.noise_levels import pooled_scatter
 from gimbalcal.recording.record import FORCE, RATE, Recording
-from gimbalcal.recording.scatter import pooled_scatter
 
 WINDOW = 1.0  # s; the longest: longer than the ringing of a hand, shorter than a rest
 SHORTEST_DWELL = 0.4  # s; that a hand holds

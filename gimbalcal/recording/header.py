@@ -69,7 +69,7 @@ def read_header(folder: Path) -> Header:
     return replace(header, named=has_names(header.samples, [c.name for c in header.columns]))
 
 
-def foreign_header(path: Path, samples: Path, skip: int = 0, clock_needed: bool = True) -> Header:
+def foreign_header(path: Path, samples: Path, skip: int, clock_needed: bool = True) -> Header:
     """Return the header that the TOML file `path` gives to rows that are in another program's file, `samples`.
 
     Where no clock is needed, because rows are counted instead, the columns may be without one.

@@ -79,11 +79,6 @@ class Kind(str):
         """Return whether its estimators weigh rows by the samples, or the sigma, behind each."""
         return not self.rotating
 
-    @property
-    def gimbals_are_set(self) -> bool:
-        """Return whether gimbals are set to an angle, with a setting error, instead of following the Earth."""
-        return not self.stabilised
-
 
 MULTI_POSITION = Kind(
     "multi-position",

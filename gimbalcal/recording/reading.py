@@ -24,10 +24,10 @@ from gimbalcal.recording.detection import MAX_NOISE_SHARE, detect_rests
 from gimbalcal.recording.header import Header, read_header
 from gimbalcal.recording.increments import Increments
 from gimbalcal.recording.memory_limit import rows_in
+from gimbalcal.recording.noise_levels import Scatter
 from gimbalcal.recording.record import ANGLES, Recording, Source
 from gimbalcal.recording.row_sigma import by_sigma
 from gimbalcal.recording.samples import Batch, batches, column
-from gimbalcal.recording.scatter import Scatter
 from gimbalcal.recording.streamed_rows import AllRows, Blocks, Rests
 from gimbalcal.units import celsius, from_si, is_raw, to_si
 
@@ -88,7 +88,7 @@ def assemble_recording(
     header: Header,
     stream: Iterable[Batch],
     whole: Callable[[str], Array],
-    average_s: float | None = None,
+    average_s: float | None,
     made_from: tuple[Source, ...] | None = None,
     rests: int = 1,
 ) -> Recording:

@@ -99,7 +99,7 @@ class Recording(Displayed):
     too. time (n,) s; position (n,) 1, 2, ... or 0 while moving, None where the idea does not apply; channels (n,) each;
     weight (n,) raw samples behind each row (1 unless rows are averages). `noise` is what the header states: one
     sigma of one raw sample, by sensor (see `SENSORS`, and `COLOURED`); `scatter` is what the rows show, by channel, see
-    `gimbalcal.recording.scatter`. `units` keeps the unit that each channel was logged in; in counts or pulses the
+    `recording.noise_levels`. `units` keeps the unit that each channel was logged in; in counts or pulses the
     numbers are left as they are, because their scale is not known. `remarks` are sentences for the user.
     `sensor` is the name of the sensors where a recording holds several triads; the others are `other_sensors`,
     a recording each, in the same rows. `instant`: forces and rates are those of the row's time; else, where it matters,

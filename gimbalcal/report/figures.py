@@ -207,14 +207,12 @@ def _hemisphere(labels: Sequence[str], gravity: Array, side: int, of: str, by: s
     return Chart(marks, title, "x [g]", "y [g]", square=True, height=260)
 
 
-def curves_by_group(
-    x: Array, groups: Sequence[tuple[str, Sequence[tuple[str, Array]]]], x_label: str, log: bool = True
-) -> list[Chart]:
+def curves_by_group(x: Array, groups: Sequence[tuple[str, Sequence[tuple[str, Array]]]], x_label: str) -> list[Chart]:
     """Draw a chart for each group (title, lines by name), a colour for each line, over the same x."""
     few = thinning_slice(len(x))
     return [
         Chart(tuple(Line(x[few], np.asarray(y)[few], COLOURS[i % 6], name, DASHES[i % 6]) for i, (name, y) in
-                    enumerate(lines)), title, x_label, log_y=log, height=170)
+                    enumerate(lines)), title, x_label, log_y=True, height=170)
         for title, lines in groups
     ]  # fmt: skip
 

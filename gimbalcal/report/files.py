@@ -31,14 +31,12 @@ def write_calibration(
     write_report("calibration.json", calibration.to_dict(), page, out, question)
 
 
-def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str = "") -> None:
+def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str) -> None:
     """Write diagnosis.json, calibration.json of its refit, law.py and report.html; `title`: of the recording."""
     write_diagnoses([(diagnosis, title, "")], out)
 
 
-def write_calibrations(
-    each: Sequence[tuple[Calibration, Sequence[Recording], str]], out: Path, question: str = ""
-) -> None:
+def write_calibrations(each: Sequence[tuple[Calibration, Sequence[Recording], str]], out: Path, question: str) -> None:
     """Write the calibration of each sensor, of its recordings, into its folder in `out` ("" or a name), all or none."""
     with atomic_folder(out) as new:
         for calibration, recordings, own in each:
@@ -62,7 +60,7 @@ def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, quest
             write(new / own / "report.html", page_with_question(page, question))
 
 
-def write_report(name: str, content: Json | Sequence[Json], page: str, out: Path, question: str = "") -> None:
+def write_report(name: str, content: Json | Sequence[Json], page: str, out: Path, question: str) -> None:
     """Write a result as the JSON `name`, and its page as report.html, into `out`."""
     with atomic_folder(out) as new:
         write_json(new / name, content)
@@ -70,7 +68,7 @@ def write_report(name: str, content: Json | Sequence[Json], page: str, out: Path
 
 
 def write_comparison(
-    comparison: PrintedComparison, diagnoses: Sequence[tuple[str, str]], out: Path, question: str = ""
+    comparison: PrintedComparison, diagnoses: Sequence[tuple[str, str]], out: Path, question: str
 ) -> None:
     """Write compare.json, report.html and all values as history.csv and history.parquet into `out`."""
     import polars as pl

@@ -95,7 +95,7 @@ def platform_of(scenario: Scenario) -> Platform:
     return platform
 
 
-def timetable(schedule: Schedule, motion: ScheduleSection, faults: FaultsSection, ramp: float = 0.0) -> Timetable:
+def timetable(schedule: Schedule, motion: ScheduleSection, faults: FaultsSection, ramp: float) -> Timetable:
     """Return times of all visits: dwell, turn at the finite slew rate, settle, dwell again."""
     holds = list(schedule.holds) * motion.sweeps
     commanded = np.tile(schedule.angles, (motion.sweeps, 1))

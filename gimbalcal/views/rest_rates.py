@@ -63,7 +63,7 @@ def horizontal_sigma(latitude: float | None) -> float:
 
 
 def rest_rates(
-    recording: Recording, accelerometers: Calibration, scale: float = 1.0, turns: Mapping[int, Array] | None = None
+    recording: Recording, accelerometers: Calibration, scale: float, turns: Mapping[int, Array] | None
 ) -> View:
     """Return the view of the mean rates of dwells; `accelerometers` calibrates the force, `scale` is rad/s per unit.
 

@@ -35,7 +35,7 @@ class Sweeps:
     stimulus: Stimulus
 
 
-def swept_rotation(sweeps: Sweeps, effects: Sequence[Effect] = ()) -> Array:
+def swept_rotation(sweeps: Sweeps, effects: Sequence[Effect]) -> Array:
     """Return the rotation of the frame in each interval (m, 3, 3), with these effects of the gyroscopes."""
     w, _ = _corrected_rates(sweeps, effects)
     return _cumulative_rotations(w.reshape(sweeps.reading.shape) * sweeps.step[..., None])[0]

@@ -167,7 +167,7 @@ def shape_in_words(unexplained: Shape) -> str:
 # --- a fit in a known noise -------------------------------------------------------------------------------------------
 
 
-def chi2_reduction(fit: FitSummary, of: str = "Reduced chi^2") -> str:
+def chi2_reduction(fit: FitSummary, of: str) -> str:
     """Return the change of reduced chi^2 by the findings, in one sentence."""
     return (
         f"{of} goes from {fit.chi2_reduced_before:.3g} to {fit.chi2_reduced_after:.3g}, "

@@ -99,13 +99,13 @@ def _with_raised_power(text: str) -> str:
     return f"10{raised}" if mantissa == "1" else f"{mantissa}·10{raised}"
 
 
-def signed(x: float, digits: int = 3) -> str:
-    """Return x with its sign and so many significant digits.
+def signed(x: float) -> str:
+    """Return x with its sign and three significant digits.
 
-    >>> signed(-1234.5), signed(0.5, 2)
-    ('−1230', '+0.50')
+    >>> signed(-1234.5), signed(0.5)
+    ('−1230', '+0.500')
     """
-    return f"{'−' if x < 0 else '+'}{significant(abs(x), digits)}"
+    return f"{'−' if x < 0 else '+'}{significant(abs(x), 3)}"
 
 
 def rms(x: Array) -> str:

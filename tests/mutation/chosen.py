@@ -100,7 +100,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("checks.rates", "earth_rate", "np.sin(latitude)", "np.cos(latitude)"),
     ),
     "recording/test_reading.py": (
-        ("recording.scatter", "Scatter.sigma", "np.sqrt(self.squares / self.count)",
+        ("recording.noise_levels", "Scatter.sigma", "np.sqrt(self.squares / self.count)",
          "np.sqrt(self.squares) / self.count"),
     ),
     "recording/test_joining.py": (

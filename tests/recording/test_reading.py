@@ -11,8 +11,8 @@ from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.platform import BENCH, SPACE_STABLE, SPACE_STABLE_INERTIAL, Axis, Platform
 from gimbalcal.recording import Recording, Site, dwells, read, write
 from gimbalcal.recording.lines import EMPTY, characters_below
+from gimbalcal.recording.noise_levels import pooled_scatter
 from gimbalcal.recording.samples import batches, column
-from gimbalcal.recording.scatter import pooled_scatter
 from tests.golden import golden_text, refused
 from tests.paths import ROOT
 from tests.recording.folders import DWELL, HEADER, folder, refusal, rows, text

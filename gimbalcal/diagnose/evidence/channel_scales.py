@@ -57,7 +57,7 @@ def log_prior_density(log_scales: Array, channels: Channels) -> float:
     return float(-(C - 1) * (0.5 * math.log(2 * math.pi) + math.log(SPREAD)) - t @ t / (2 * SPREAD**2))
 
 
-def log_odds(alike: tuple[Array, Array], own: tuple[Array, Array], sample: Sequence[float] = ()) -> float:
+def log_odds(alike: tuple[Array, Array], own: tuple[Array, Array], sample: Sequence[float]) -> float:
     r"""Return ln odds of scales of their own to one scale, from what a model fitted in either leaves of each channel.
 
     .. math:: \frac{p(\hat t)}{\sqrt C} \prod_c \tfrac12 \Gamma(\nu_c / 2) (m_c / 2)^{-\nu_c / 2} \Big/

@@ -31,7 +31,7 @@ def equal_stretches(n: int, most: int = STRETCHES) -> Array:
     return np.arange(n) * min(n, most) // n
 
 
-def ground_of_search(s: Search, node: Node, sigma: float = 1.0) -> Ground | None:
+def ground_of_search(s: Search, node: Node, sigma: float) -> Ground | None:
     """Return the sensors and gimbals whose additions the rows of a search show, in its likeliest noise; or None.
 
     sigma: of a row, in the unit of reduced rows.

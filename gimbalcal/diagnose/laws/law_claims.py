@@ -202,9 +202,7 @@ def misheld_sentences(ranked: Ranking, verdict: str) -> str:
     return misheld_positions([own() if own else () for own in each])
 
 
-def law_of_searches(
-    ranked: Ranking, nodes: Sequence[Node], rng: np.random.Generator, instead: Sequence[int] = ()
-) -> Lawful:
+def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Generator, instead: Sequence[int]) -> Lawful:
     """Seek a law in recordings of known attitude of one unit that nothing known explains.
 
     nodes: the likeliest noise of each; ranked: all other hypotheses. instead: of these causes, which leave a rest; the
@@ -488,7 +486,7 @@ def _compared_in(m: Fit, s: Search, sigma: Array, alone: bool = True) -> Beside 
     return replace(b, laws=laws)
 
 
-def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str] = ()) -> tuple[Lawful, Fit]:
+def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str]) -> tuple[Lawful, Fit]:
     """Seek laws in what a search of a view left, in noise of `sigma` (n, C); return the model with them too.
 
     One law after the other is added, until nothing is missing or what is missing has no formula. Where the library of

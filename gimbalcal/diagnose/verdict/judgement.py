@@ -69,7 +69,7 @@ class Judgement:
         )  # fmt: skip
 
 
-def judge_member(s: Ranking, member: int, others: Sequence[int], scores: Array, with_rest: bool = False) -> Judgement:
+def judge_member(s: Ranking, member: int, others: Sequence[int], scores: Array, with_rest: bool) -> Judgement:
     """Return what fits alike in the place of a member beside others, and the probability of all of these causes.
 
     scores (candidates,): `best_evidence` beside the others; with_rest: a shape is claimed as well.

@@ -34,7 +34,7 @@ def fit_stage(name: str, p: Positions, in_words: str) -> StageResult:
     return p.fit.stage(name, in_words, float(np.sqrt(np.mean(residual**2))))
 
 
-def fit_outcome(p: Positions, larger: str = "") -> str:
+def fit_outcome(p: Positions, larger: str) -> str:
     """Return why this calibration should not be used as it is; empty where nothing speaks against it.
 
     larger: which larger noise would explain the misfit, as `larger_noise` says it.
@@ -61,7 +61,7 @@ def misfit_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
     return [words + so for words in excess_in_words(chi2, dof, larger)]
 
 
-def excess_in_words(chi2: float, dof: int, larger: str = "") -> list[str]:
+def excess_in_words(chi2: float, dof: int, larger: str) -> list[str]:
     """Return, as a list, how far a residual is above its noise and which larger noise explains it; empty for chance."""
     if is_explained_by_chance(chi2, dof):
         return []

@@ -73,9 +73,7 @@ class Operator:
     covariance: Array
 
 
-def channel_operators(
-    run: Readings, effects: Sequence[Effect], drift: int = 1, noise: str = "auto"
-) -> tuple[Operator, ...]:
+def channel_operators(run: Readings, effects: Sequence[Effect], drift: int, noise: str) -> tuple[Operator, ...]:
     """Return the operators of the paper for force, roll and pitch, as far as they were logged."""
     d = run.residual(effects)
     out = [_force_operator(run)] if len(run.columns("specific_force")) == 3 else []

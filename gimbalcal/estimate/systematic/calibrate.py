@@ -124,9 +124,7 @@ def calibration_of_fit(m: SystematicFit) -> Calibration:
     )
 
 
-def navigation_view(
-    recording: Recording, ids: tuple[str, ...], progress: Progress, held: tuple[Effect, ...] = ()
-) -> View:
+def navigation_view(recording: Recording, ids: tuple[str, ...], progress: Progress, held: tuple[Effect, ...]) -> View:
     """Return the innovations of a unit turned in its place, about a fit of the effects `ids`, as a view.
 
     held: effects of fixed values. Raises InputError where a navigator cannot take the recording.
