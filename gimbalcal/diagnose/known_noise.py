@@ -26,7 +26,6 @@ from gimbalcal.diagnose.laws.law_claims import (
     law_beyond_shapes,
     law_of_misfit,
     leave_more_than_noise,
-    misheld_sentences,
 )
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.result import (
@@ -203,7 +202,7 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
     diagnosis = ViewDiagnosis(
         c.searches[lead].fit.view, d.verdict, mismatch, named, shapes, fitted, answers[lead].curves,
         calibration=joint.calibration(case.known), laws=law.laws, recommend=law.recommend,
-        outcome=misheld_sentences(c, d.verdict), evidence=_evidence_of_ranking(c, d, case.clean),
+        outcome=law.misheld, evidence=_evidence_of_ranking(c, d, case.clean),
         together=tuple(s.fit.view for s in c.searches),
         without=lambda effect: joint.without(effect).calibration(case.known),
     )  # fmt: skip

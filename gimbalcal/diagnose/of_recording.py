@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
 
 import numpy as np
 
@@ -32,7 +31,6 @@ from gimbalcal.effects.effect import SENSOR_STAGES, followed_covariate
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers, norm_outliers_in_words
-from gimbalcal.estimate.caveats import misheld_positions
 from gimbalcal.estimate.gyroscopes.rate_table import on_a_table
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     MIN_RESTS,
@@ -126,8 +124,7 @@ def known_view(request: DiagnosisRequest, baseline: Sequence[str]) -> View:
     """Return the view of forces at known attitude, whose scatter is seen about the values of a calibration."""
     recording = request.recording
     ids = tuple(baseline) or BASELINE.get(recording.kind, ())
-    v = view_at_known_attitude(recording, ids, effects_of_another_day(request.calibration, ids))
-    return replace(v, misheld=cache(partial(misheld_positions, recording))) if recording.kind.in_positions else v
+    return view_at_known_attitude(recording, ids, effects_of_another_day(request.calibration, ids))
 
 
 def diagnose_views(request: DiagnosisRequest, *views: View) -> ViewDiagnosis:

@@ -91,6 +91,8 @@ def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[s
     return [forces, *(_sentences(lambda: [with_gyroscopes(recording, alone).outcome]) if both else ())]
 
 
-def misheld_positions(recording: Recording) -> tuple[str, ...]:
+def position_faults(recording: Recording) -> tuple[str, ...]:
     """Return sentences on positions that were not held where the readouts say, which is a fault and no physics."""
+    if not recording.kind.in_positions:
+        return ()
     return tuple(_sentences(lambda: [f.in_words for f in trusted_positions(recording).faults]))

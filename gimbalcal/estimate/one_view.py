@@ -14,11 +14,10 @@ def calibrate_view(request: Request) -> Calibration:
     (recording,) = request.recordings
     view = recording.kind.view_of(recording, request.terms)
     more = extra_effects(request.more, [recording], view.baseline)
-    wanted = tuple(p for i in view.baseline for p in view.parameters_of(i))
-    fitted = fit([view], wanted)
+    fitted = fit([view], view.baseline_parameters)
     extra = fitted.extension(more)
     if more:
-        fitted = fit([view], (*wanted, *extra.parameters), extra.effects)
+        fitted = fit([view], (*view.baseline_parameters, *extra.parameters), extra.effects)
     words = f"{len(view)} rows of {view.title}"
     return extra.complete(
         fitted.calibration(

@@ -104,7 +104,6 @@ class View:
     calibrate: Callable[[Sequence[Effect], Sequence[Parameter]], Calibration] | None = None  # a model, to convergence
     added: Callable[[str, str, Array], Array] | None = None  # columns of a basis added to a sensor that is no channel
     missed_by_turns: Callable[[Sequence[Effect]], float] | None = None  # rad of gravity, with these effects at rest
-    misheld: Callable[[], tuple[str, ...]] | None = None  # positions that were not held as read, in sentences
     cache: dict[Any, Any] = field(default_factory=dict)  # models of a search and columns that were scanned
     columns: dict[tuple[str, str, str], Array] = field(default_factory=dict)  # of sensors that are no channels
 
@@ -186,6 +185,11 @@ class View:
         usual = (self.grade.usual(p) for p in candidates)
         factors = ((p, self.prior_factor * (drift_factor if p.unit.endswith("/h") else 1.0)) for p in usual)
         return tuple(replace(p, sigma=factor * p.sigma) for p, factor in factors)
+
+    @property
+    def baseline_parameters(self) -> tuple[Parameter, ...]:
+        """The parameters of the effects that the model holds."""
+        return tuple(p for i in self.baseline for p in self.parameters_of(i))
 
     def course_of_sensor(self, quantity: str, axis: str) -> Array:
         """Return columns (n, C, COURSE) of what a sensor that is no channel adds: cosines of its course in time."""

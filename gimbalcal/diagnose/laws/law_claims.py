@@ -45,6 +45,7 @@ from gimbalcal.diagnose.verdict.random_walk import RandomWalkFinding
 from gimbalcal.diagnose.verdict.separation import expected_ln_bayes, fastest_manoeuvre
 from gimbalcal.diagnose.verdict.verify import residual_rows, row_sigma, verify
 from gimbalcal.effects import Stage
+from gimbalcal.estimate.caveats import position_faults
 from gimbalcal.inference.algebra import beyond, logsumexp, orthonormal, orthonormal_columns
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
@@ -83,6 +84,7 @@ class Lawful:
     formula_is_likelier: bool = False  # than all causes, though it is not good enough to be reported
     ln_total: float = -np.inf  # ln evidence of the first law and of what it stands beside, against nothing
     known: tuple[SelectedCause, ...] = ()  # causes of the catalogue that explain a view as well as the best formula
+    misheld: str = ""  # sentences on positions that were not held where the readouts say, a fault and no law
 
 
 def chosen_law(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
@@ -147,14 +149,14 @@ def law_of_misfit(ranked: Ranking, d: Decision, seed: int, progress: Progress, i
     if d.verdict != "unexplained":
         return Lawful()
     progress(law_sentences.SEARCHING_REPLACEMENT if instead else law_sentences.SEARCHING)
-    fault = bool(misheld_sentences(ranked, d.verdict))
-    if fault and len(ranked.searches) == 1:
-        return Lawful(recommend=law_sentences.REPEAT_POSITIONS)
+    misheld = misheld_positions([position_faults(s.fit.view.source) for s in ranked.searches])
+    if misheld and len(ranked.searches) == 1:
+        return Lawful(recommend=law_sentences.REPEAT_POSITIONS, misheld=misheld)
     nodes = [fit_causes(s, ranked.within(d.shapes, k)[:1]).projection.node for k, s in enumerate(ranked.searches)]
     law = law_of_searches(ranked, nodes, np.random.default_rng(seed), instead)
-    if fault and not law.laws:  # no position is held wrongly twice by chance
-        return Lawful(recommend=law_sentences.REPEAT_POSITIONS)
-    return law
+    if misheld and not law.laws:  # no position is held wrongly twice by chance
+        law = Lawful(recommend=law_sentences.REPEAT_POSITIONS)
+    return replace(law, misheld=misheld)
 
 
 def beyond_walk(
@@ -191,15 +193,7 @@ def against_walk(law: Lawful, walk: RandomWalkFinding, advice: str) -> tuple[Law
     advice: what distinguishes the two, where the formulas have no advice of their own.
     """
     odds = law.ln_total - walk.ln_total
-    return law if odds > -CLAIM else Lawful(recommend=law.recommend or advice), odds
-
-
-def misheld_sentences(ranked: Ranking, verdict: str) -> str:
-    """Return sentences on positions that were not held where the readouts say, which is a fault and no physics."""
-    if verdict != "unexplained":
-        return ""
-    each = [s.fit.view.misheld for s in ranked.searches]
-    return misheld_positions([own() if own else () for own in each])
+    return law if odds > -CLAIM else Lawful(recommend=law.recommend or advice, misheld=law.misheld), odds
 
 
 def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Generator, instead: Sequence[int]) -> Lawful:

@@ -130,8 +130,7 @@ def fit_baseline(view: View, known: Sequence[Effect] = (), steps: int = 2) -> Fi
     """
     names = view.stimulus.axis_names
     # a gimbal that was not read has no zero to fit
-    every = (p for i in view.baseline for p in view.parameters_of(i))
-    wanted = tuple(p for p in every if p.axis not in names or p.axis in view.read_gimbals)
+    wanted = tuple(p for p in view.baseline_parameters if p.axis not in names or p.axis in view.read_gimbals)
     effects = with_values(tuple(known), wanted, values(tuple(known), wanted), names)
     for _ in range(steps):
         rows = view.evaluate(effects)
@@ -161,7 +160,7 @@ def refuse_too_little(title: str, Z: Array) -> None:
 
 def start_with_baseline(v: View) -> Fit:
     """Fit the baseline alone; where it leaves nothing of a channel, this one shows no scale, and all have one."""
-    wanted = tuple(p for i in v.baseline for p in v.parameters_of(i))
+    wanted = v.baseline_parameters
     m = refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
     if v.noise.scale_known or distinguishable((m.residual**2).sum(axis=0), np.full(len(v.channels), float(len(v)))):
         return m
