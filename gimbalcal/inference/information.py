@@ -9,7 +9,7 @@ directions are unobservable: they are named, held at the prior mean, and given t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,6 +74,10 @@ class Information:
         triangle = np.asarray(np.linalg.qr(np.concatenate([prior, self.rows[:, [*out, *others, -1]]]), mode="r"))
         remaining = tuple(self.parameters[i] for i in others)
         return Information(remaining, triangle[len(out) :, len(out) :], self.count - len(out))
+
+    def about(self, wanted: Container[Parameter]) -> Information:
+        """Return the information about these parameters, whatever the others are."""
+        return self.without([p for p in self.parameters if p not in wanted], flat=True)
 
 
 @dataclass(frozen=True)

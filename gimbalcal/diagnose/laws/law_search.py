@@ -421,10 +421,9 @@ def trimmed_law(g: Ground, law: Law) -> Law:
     e = _at_rows(law.expression, law.response)
     away = [abs(v.reference - v.origin) / max(float(np.ptp(v.x)), 1e-300) for v in law.expression.variables]
     e = e.referred() if max(away) <= MAX_REFERENCE_RANGES else e
-    dof = max(len(g.y) - g.Q.shape[1], 1)
     while len(groups := e.groups) > 1:
         worth = _likelihood_gain(law.response, e)
-        variance = float(np.clip((g.y @ g.y - 2 * worth) / dof, LEAST_VARIANCE, 1.0))
+        variance = _variance_left(g, worth)
         least, drop = min(
             ((worth - _likelihood_gain(law.response, e.without(own)), own) for own in groups), key=lambda x: x[0]
         )
@@ -432,6 +431,11 @@ def trimmed_law(g: Ground, law: Law) -> Law:
             break
         e = e.without(drop)
     return replace(law, expression=e.of(law.expression.variables))
+
+
+def _variance_left(g: Ground, worth: float) -> float:
+    """Return the variance of rows with a law that takes away so much of the misfit, at most that without it."""
+    return float(np.clip((g.y @ g.y - 2 * worth) / max(len(g.y) - g.Q.shape[1], 1), LEAST_VARIANCE, 1.0))
 
 
 def centred_jumps(g: Ground, law: Law) -> Law:
@@ -442,7 +446,7 @@ def centred_jumps(g: Ground, law: Law) -> Law:
     """
     e = begun = _at_rows(law.expression, law.response)
     worth = _likelihood_gain(law.response, begun)
-    variance = float(np.clip((g.y @ g.y - 2 * worth) / max(len(g.y) - g.Q.shape[1], 1), LEAST_VARIANCE, 1.0))
+    variance = _variance_left(g, worth)
     for i, j in 2 * _jump_constants(e):
         move = _Move(e, i, j)
         u = move.step * np.concatenate([-PROBE_STEPS, [0.0], PROBE_STEPS[::-1]])

@@ -217,8 +217,7 @@ class JointFit:
             n, scale = part.ordinals.index(ordinal), np.array([p.sigma for p in wanted])
             return part.fit.size(n), np.sqrt(np.diag(part.fit.covariance)[part.fit.slice_of(n)]) * scale
         keep = [self.wide[p] for p in wanted]
-        info = self._of_sizes(recording)
-        solution = solve(info.without([p for p in info.parameters if p not in keep], flat=True))
+        solution = solve(self._of_sizes(recording).about(keep))
         at = [solution.parameters.index(p) for p in keep]
         return solution.x[at], solution.sigma[at]
 
@@ -271,8 +270,7 @@ class JointFit:
         if len(shown) == 1:
             return Agreement(0.0, 0, 1.0)
         own = {self.wide[p] for p in self.causes[ordinal].parameters}
-        every = map(self._of_sizes, shown)
-        each = [info.without([p for p in info.parameters if p not in own], flat=True) for info in every]
+        each = [self._of_sizes(k).about(own) for k in shown]
         return agreement_test(solve(reduce(add, each)), [solve(info) for info in each])
 
     @property
@@ -415,7 +413,7 @@ def _pool_causes(
 
 def _smooth_constants(each: Sequence[Information]) -> dict[Parameter, float]:
     """Return the smooth constants of causes by several recordings, each with sizes of its own."""
-    marginal = [info.without([p for p in info.parameters if not _is_constant(p)], flat=True) for info in each]
+    marginal = [info.about([p for p in info.parameters if _is_constant(p)]) for info in each]
     solution = solve(reduce(add, marginal))
     return dict(zip(solution.parameters, map(float, solution.x), strict=True))
 
