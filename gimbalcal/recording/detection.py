@@ -187,7 +187,7 @@ def _is_quiet(
     """
     a, b = (reduce(np.add, v) for v in (short, long))
     shares = [float(np.mean(v)) for v in short]
-    channels = sum(shares) ** 2 / max(float(np.dot(shares, shares)), 1e-300)  # that take part, by Satterthwaite
+    channels = max(1.0, sum(shares) ** 2 / max(float(np.dot(shares, shares)), 1e-300))  # by Satterthwaite
     order = np.argsort(b) if alike else None
     out = np.zeros(len(FLOORS), dtype=bool)
     for i, (q, z) in enumerate(FLOORS):

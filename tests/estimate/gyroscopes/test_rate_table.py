@@ -7,6 +7,7 @@ import pytest
 
 from gimbalcal.estimate.gyroscopes.rate_table import MOUNTING_SIGMA_RAD, gyroscopes_on_a_table
 from gimbalcal.methods import usual_method
+from gimbalcal.pipeline import load
 from gimbalcal.platform import Axis, Platform
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.record import Source
@@ -83,6 +84,10 @@ def test_corrected_readings_are_the_table_s_rates():
         steady = np.abs(np.gradient(ideal, STEP)) < 1e-9
         off = (rates[:, i] - ideal)[steady]
         assert np.abs(off).max() < 0.004 * DEG + EARTH
+
+
+def test_a_force_without_any_noise_is_searched_for_rests():
+    assert load([run("z", force=True)])[0].remarks == ()
 
 
 def test_errors_are_as_large_as_stated():
