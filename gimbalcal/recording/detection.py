@@ -20,7 +20,7 @@ channels at once. Gyroscopes, where they were logged, have to show no growth fro
 holds them, in the quietest of the long ones; or a triad has a scatter that no motion has, as flicker and random walks
 of a unit on a table grow as motion does. Where dwells are shorter than four seconds the growth is that of the dwells,
 and the window becomes shorter; where it has as few rows as noise allows, it is compared with three or two of its kind.
-A floor of more than `MAX_NOISE_SHARE` of gravity is the vibration of a drive.
+A floor of more than `MAX_NOISE_SHARE` of gravity is the vibration of a drive, and no floor.
 
 Gyroscopes, where they were logged, also take away from that: what the accelerometers call a rest is none where a
 gyroscope scatters by more than 20 times what it usually does at rest, or turns on and on (about the vertical, which no
@@ -90,9 +90,9 @@ def detect_rests(
     level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
     quiet_rate = 0.0 if raw else QUIET_RATE
     small = (QUIET_FORCE * level if gravity else quiet_rate, quiet_rate)
-    m, floor, variances = _longest_window(triads, n, step, small)
-    loud = gravity and len(channels) == 3 and np.sqrt(floor.sum()) > MAX_NOISE_SHARE * level
-    if m == 0 or (loud and np.sqrt(floor.sum()) > max(map(_quantum, triads[0]))):  # coarse steps are no vibration
+    vibration = MAX_NOISE_SHARE * level if gravity and len(channels) == 3 else np.inf
+    m, floor, variances = _longest_window(triads, n, step, small, (vibration, np.inf))
+    if m == 0:
         return position
     for v, f in zip(variances, floor, strict=True):
         v[:] = np.divide(v, f, out=v) if f > 0 else np.where(v > 0, np.inf, 0.0)
@@ -150,40 +150,61 @@ def with_rests(recording: Recording) -> Recording:
 
 
 def _longest_window(
-    triads: Sequence[Sequence[Array]], n: int, step: float, small: Sequence[float]
+    triads: Sequence[Sequence[Array]], n: int, step: float, small: Sequence[float], large: Sequence[float]
 ) -> tuple[int, Array, list[Array]]:
     """Return the rows m of the longest window whose floor is noise, or 0, the floors of the first triad, and its
     variances in every window.
 
-    small: scatter of each triad that no motion has, whether it grows with the window or not.
+    small, large: scatter of each triad that no motion has, whether it grows with the window or not, and that no rest
+    has beyond the steps of its quantisation.
     """
     least = [max(_quantum(x) for x in triad) ** 2 / 4 for triad in triads]  # a channel may show one value of it only
+    most = [max(limit**2, 4 * quantised) for limit, quantised in zip(large, least, strict=False)]
     m, longer = max(ROWS, round(WINDOW / step)) | 1, MAX_LONGER_WINDOWS  # odd: the window has a middle
     while longer > 1 and longer * m * step >= SHORTEST_DWELL:
         if n > (longer + 1) * m:
             quiet, variances = np.ones(len(FLOORS), dtype=bool), list[Array]()
-            for triad, quantised, limit in zip(triads, least, small, strict=False):
+            for triad, quantised, limit, loud in zip(triads, least, small, most, strict=False):
                 alike = bool(variances)
                 short, long = zip(*(_short_and_long(x, m, longer, alike) for x in triad), strict=True)
                 variances = variances or [*short]
-                quiet &= _is_quiet(short, long, m, longer, len(triad) * quantised, limit, alike)
+                quiet &= _is_quiet(short, long, m, longer, len(triad) * quantised, limit, loud, alike)
                 if not quiet.any():
                     break
             else:
                 q, z = FLOORS[int(np.argmax(quiet))]
                 floor = np.array([np.quantile(v, q) for v in variances]) / _chi_square(m - 1, z)
-                return m, np.maximum(floor, least[0]), variances
+                return m, np.maximum(_floor_of_most(floor, variances, q), least[0]), variances
         m, longer = (min(int(m / 1.2) | 1, m - 2), MAX_LONGER_WINDOWS) if m > MIN_ROWS else (m, longer - 1)
     return 0, np.zeros(0), []
 
 
+def _floor_of_most(floor: Array, variances: Sequence[Array], q: float) -> Array:
+    """Return floors (C,), of a channel that is far quieter in a few rests than in most that of most.
+
+    What a table rocks by tilts gravity: it shows in the axes that lie level, and not in the one that stands upright.
+    """
+    together = reduce(np.add, variances)
+    quiet = together <= THRESHOLD * np.quantile(together, q)
+    usual = np.array([np.median(v[quiet]) for v in variances])
+    return np.where(usual > UNUSUAL_VARIANCE_RATIO * floor, usual, floor)
+
+
 def _is_quiet(
-    short: Sequence[Array], long: Sequence[Array], m: int, longer: int, quantised: float, limit: float, alike: bool
+    short: Sequence[Array],
+    long: Sequence[Array],
+    m: int,
+    longer: int,
+    quantised: float,
+    limit: float,
+    loud: float,
+    alike: bool,
 ) -> NDArray[np.bool_]:
     """Return by each of `FLOORS` whether the floor of a triad does not grow from short windows to long ones.
 
     A window counts by the sum of all channels: turned about x, the x axis is quiet and the others are not. alike: the
-    short windows are those of the long ones, so that a knock, which is in both, is no motion.
+    short windows are those of the long ones, so that a knock, which is in both, is no motion. loud: the variance beyond
+    which a floor is that of a drive that vibrates: a shorter window may find the rest before it started.
     """
     a, b = (reduce(np.add, v) for v in (short, long))
     shares = [float(np.mean(v)) for v in short]
@@ -198,7 +219,7 @@ def _is_quiet(
         else:
             floor, grown = (v[order[: max(1, round(q * len(b)))]].mean() for v in (a, b))
         grown = max(grown, quantised)
-        out[i] = grown <= GROWTH * max(floor, quantised) or grown < limit**2
+        out[i] = (grown <= GROWTH * max(floor, quantised) or grown < limit**2) and floor <= loud
     return out
 
 

@@ -258,6 +258,34 @@ def test_a_rig_that_turns_one_axis_at_a_time_dwells_at_every_rate(rate, lasts, s
     assert count >= 3
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_six_faces_of_a_table_that_rocks_are_six_dwells(seed):
+    """The axis that stands upright hardly scatters: a table that rocks by 6 mrad tilts gravity into the level ones."""
+    rng, parts = np.random.default_rng(seed), list[Array]()
+    faces = np.array([[0, 0, 1], [-1, 0, 0], [0, 0, -1], [0, 1, 0], [1, 0, 0], [0, -1, 0.0]])
+    for a, b in pairwise([faces[-1], *faces]):
+        s = np.linspace(0, np.pi / 2, 60)[:, None]
+        rest = b + 6e-3 * np.cross(rng.standard_normal((150, 3)), b)
+        parts += [np.cos(s) * a + np.sin(s) * b, rest]
+    force = np.concatenate(parts) + 1.5e-3 * rng.standard_normal((6 * 210, 3))
+    position = detect_rests(np.arange(len(force)) / 5.0, dict(zip("xyz", force.T, strict=True)))
+    assert position.max() == 6
+    assert np.mean(position.reshape(6, 210)[:, 60:] > 0) > 0.8
+    assert not position.reshape(6, 210)[:, 1:59].any()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_rest_before_a_drive_that_vibrates_is_found(seed):
+    rng = np.random.default_rng(seed)
+    time = np.arange(1700) / 64.0
+    drives = time > 2.0
+    force = np.array([-1.1, -0.1, 9.6]) + np.where(drives, 0.35, 0.015)[:, None] * rng.standard_normal((1700, 3))
+    position = detect_rests(time, dict(zip("xyz", force.T, strict=True)))
+    assert position.max() == 1
+    assert np.mean(position[~drives] > 0) > 0.7
+    assert not position[drives].any()
+
+
 @pytest.mark.parametrize("kind", ["turned", "driven", "shaken"])
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_rests_in_a_unit_that_moves_all_the_time(seed, kind):
