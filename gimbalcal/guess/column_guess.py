@@ -148,7 +148,11 @@ def _by_names(path: Path, table: Table) -> tuple[Log, tuple[str, ...]]:
     if two:
         columns = {JOINED_CLOCK: two[2], **{n: x for n, x in columns.items() if n not in two[:2]}}
     hint = quantity_of_log(path.stem)
-    guesses = {name: g for name in columns if (g := by_name(name, hint)) is not None}
+    guesses = {
+        name: g
+        for name, x in columns.items()
+        if (g := by_name(name, hint)) is not None and not (g.quantity == "time" and len(x) > 1 and np.ptp(x) == 0)
+    }
     log = Log(columns, guesses | counted_from_one(columns))
     if two:
         why = f"its names {two[0]!r} and {two[1]!r}, whole seconds and {two[3]}, counted from the first row"

@@ -291,9 +291,8 @@ def _triad_by_word(words: str) -> tuple[str, str, str] | None:
         between = match["unit"] or ""
         between = {"rad": "rad_s", "deg": "deg_s"}.get(between, between)
         return quantity, AXIS[match["axis"]], unit_written(_rest(rest, match)) or _UNITS.get(between, "")
-    for quantity, pattern in _AXIS_FIRST.items():
-        if axis_first := pattern.match(words):
-            return quantity, AXIS[axis_first[1]], _UNITS.get(_rest(words, axis_first), "")
+    for quantity, axis_first, rest in _matches(words, _AXIS_FIRST):
+        return quantity, AXIS[axis_first[1]], _UNITS.get(_rest(rest, axis_first), "")
     letter = _LETTER_AND_UNIT.match(words)  # AsX (deg/s): whatever it is called, the unit says what it is
     if letter and _UNITS.get(letter[2]) in _QUANTITY_OF_UNIT and parts[0] not in ("max", "index"):
         unit = _UNITS[letter[2]]

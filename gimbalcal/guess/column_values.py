@@ -213,16 +213,20 @@ def _unevenness(triple: Sequence[Array]) -> float:
 
 
 def _may_be_force(triple: Sequence[Array]) -> bool:
-    """Return whether three columns are a vector of one length that gravity may have, in a unit or in counts."""
+    """Return whether three columns are a vector of one length that gravity may have, in a unit or in counts.
+
+    That of one that never turns is all that shows it, and has to be closer.
+    """
     counted = float(np.median(_length(triple))) > MIN_COUNT and _unevenness(triple) < MAX_UNEVENNESS
-    return _of_constant_length(triple) and (counted or not _unlike_gravity(triple)[0])
+    error = MAX_GRAVITY_ERROR if changes_direction(triple) else MAX_GRAVITY_ERROR / 2
+    return _of_constant_length(triple) and (counted or not _unlike_gravity(triple, error)[0])
 
 
-def _unlike_gravity(triple: Sequence[Array]) -> tuple[bool, float]:
+def _unlike_gravity(triple: Sequence[Array], error: float = MAX_GRAVITY_ERROR) -> tuple[bool, float]:
     """Return whether a vector's length is gravity in no common unit, and its spread: a bias of rates is short."""
     length = _length(triple)
     middle = float(np.median(length))
-    alike = any(abs(middle / size - 1) < MAX_GRAVITY_ERROR for size in GRAVITY.values())
+    alike = any(abs(middle / size - 1) < error for size in GRAVITY.values())
     return not alike, float(np.quantile(np.abs(length / middle - 1), 0.9))
 
 

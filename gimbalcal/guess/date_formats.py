@@ -12,6 +12,7 @@ _NAMES_OF_MONTHS = (
     "jan,feb fév,mar mär mrz,apr avr,may mai,jun,jul,aug,sep,oct okt,nov,dec dez déc"  # English, German, French
 )
 _MONTHS = {name: number for number, names in enumerate(_NAMES_OF_MONTHS.split(","), start=1) for name in names.split()}
+FRACTION_BEHIND_COLON = re.compile(r"(\d{1,2}:\d{2}:\d{2}):(\d{1,6})")
 TIME = re.compile(r"\s*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?\s*([AaPp])?\.?(?:[Mm]\.?)?\s*(Z|UTC)?\s*")
 
 
@@ -53,6 +54,19 @@ def in_iso(days: Sequence[str], times: Sequence[str]) -> list[str]:
     first_beyond = any(f and len(f[4]) == 4 and int(f[1]) > 12 for f in matches)
     month_first = slashed and not first_beyond
     return [_one(f, TIME.fullmatch(time), month_first) for f, time in zip(matches, times, strict=True)]
+
+
+def with_decimal_seconds(cells: Sequence[str]) -> list[str]:
+    """Return times of day whose fraction of a second stands behind a third colon with a decimal point there.
+
+    It counts in what the longest of them needs: tenths where all have one digit, ms where some have three.
+
+    >>> with_decimal_seconds(["14:45:28:8", "14:45:28:120"])
+    ['14:45:28.008', '14:45:28.120']
+    """
+    matches = [FRACTION_BEHIND_COLON.fullmatch(cell) for cell in cells]
+    digits = max((len(m[2]) for m in matches if m), default=0)
+    return [f"{m[1]}.{m[2].zfill(digits)}" if m else "" for m in matches]
 
 
 def split_stamps(cells: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -18,6 +18,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.guess import clocks
 from gimbalcal.guess.celestial import angle_stated, latitude_column, sidereal, sidereal_hours
 from gimbalcal.guess.column_names import ANGLES, by_name, by_spelling, is_anonymous, plain_name, unit_written
+from gimbalcal.guess.gimbal_chain import encoder_angles
 from gimbalcal.guess.log import Guess
 from gimbalcal.guess.text_table import Table
 from gimbalcal.importers.pointing_files import elapsed_seconds, in_order, pointing_run
@@ -138,11 +139,10 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
         and np.ptp(x) > 0
         and np.max(np.abs(x)) < 360 * MAX_TURNS
     }
-    pairs = [
-        (a, b)
-        for a, b in combinations(angles, 2)
-        if len(table.columns) <= MAX_COLUMNS and abs(np.corrcoef(angles[a], angles[b])[0, 1]) > MIN_CORRELATION
-    ]
+    pairs, counts = _pairs(angles) if len(table.columns) <= MAX_COLUMNS else [], dict[str, int]()
+    if not pairs and len(table.columns) <= MAX_COLUMNS:  # an encoder goes round where the axis goes on
+        turned, counts = encoder_angles(angles)
+        pairs, angles = (_pairs(turned), turned) if counts else (pairs, angles)
     even = {n for n, x in angles.items() if len(angles) > 2 and _is_count(x)}
     pairs = [p for p in pairs if not even.intersection(p)]
     signal = "" if pairs else _signal_along(next(iter(angles), ""), table, clock)
@@ -179,6 +179,8 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
             first,
             "it goes with the angle; its line against it is taken for zero and scale, which these data do not test"
             if signal
+            else f"{counts[first]} counts a turn"
+            if first in counts
             else "its place before the other, or its name: what was commanded or read",
         ),
         ("true_angle", axis): (second, "the other column that goes with it: what was measured"),
@@ -202,6 +204,13 @@ def _signal_along(angle: str, table: Table, clock: str) -> str:
     x = table.columns[others[0]]
     alike = np.all(np.isfinite(x)) and np.ptp(x) > 0
     return others[0] if alike and abs(np.corrcoef(x, table.columns[angle])[0, 1]) > MIN_CORRELATION else ""
+
+
+def _pairs(angles: Mapping[str, Array]) -> list[tuple[str, str]]:
+    """Return the pairs of columns that go together."""
+    return [
+        (a, b) for a, b in combinations(angles, 2) if abs(np.corrcoef(angles[a], angles[b])[0, 1]) > MIN_CORRELATION
+    ]
 
 
 def _is_readout(name: str) -> bool:

@@ -226,6 +226,9 @@ def values_of(name: str, text: object, separator: str, dates: Dates) -> tuple[Ar
     filled = filled if all_numbers else filled.filter(filled != "")
     first = str(filled[0]).strip() if len(filled) else ""
     guess = by_name(name)
+    if date_formats.FRACTION_BEHIND_COLON.fullmatch(first):
+        text = pl.Series(name, date_formats.with_decimal_seconds([str(cell or "") for cell in text.to_list()]))
+        first = str(text[0])
     if date_formats.is_stamp(first):
         text = pl.Series(
             name, date_formats.in_iso(*date_formats.split_stamps([str(cell or "") for cell in text.to_list()]))
@@ -390,7 +393,7 @@ def _wordy_cells(row: Sequence[str]) -> Iterator[int]:
 
 def _is_numeric(cell: str) -> bool:
     """Return whether a cell is a number, an angle or a date."""
-    if _NUMBER.fullmatch(cell) or SEXAGESIMAL.fullmatch(cell):
+    if any(form.fullmatch(cell) for form in (_NUMBER, SEXAGESIMAL, date_formats.FRACTION_BEHIND_COLON)):
         return True
     return cell[:1].isdigit() and (is_date(cell) or date_formats.is_day(cell) or date_formats.is_stamp(cell))
 

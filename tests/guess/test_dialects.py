@@ -446,6 +446,17 @@ def test_columns_below_a_block_of_settings_are_one_axis(tmp_path):
         propose_recording([rows(tmp_path / "c.log", "", stamp, np.arange(500) * 0.01 + 1, mark=" ")])
 
 
+def test_an_encoder_goes_round_beside_the_angle_of_its_axis(tmp_path):
+    """The last of eleven angles, 355 deg, is read behind the 14 bits of a turn, as 134."""
+    angle = np.array([0.0, 33, 66, 100, 133, 185, 220, 253, 290, 315, 355])
+    counts = np.round((angle + 7.5 + np.sin(angle)) * 16384 / 360) % 16384
+    found = propose_recording([rows(tmp_path / "calibration.csv", "Raw Data,Angle", counts, angle)])
+    read, true = (np.degrees(found.recording.channels[q, "table"]) for q in ("gimbal_angle", "true_angle"))
+    np.testing.assert_allclose(true, angle, atol=1e-9)
+    np.testing.assert_allclose(read - true, 7.5 + np.sin(angle), atol=0.02)
+    assert found.guesses["Raw Data"].why == "16384 counts a turn"
+
+
 def test_places_on_the_sky_that_stand_once_are_refused_for_that(tmp_path):
     text = "HIP     RA(hh mm ss)    DEC(dd mm ss)   LST(hh mm ss)\n" + "".join(
         f"{54872 + k}   11 {k:02d} 06        +20 26 08       12 {k:02d} 06\n" for k in range(9)

@@ -723,3 +723,40 @@ def test_forces_without_gravity_keep_the_unit_of_their_names_and_are_refused(tmp
     w = w + rng.normal(0, 0.5, (4000, 3))
     with pytest.raises(InputError, match=r"in most rows the specific force is .* gravity was taken off"):
         propose_recording([rows(tmp_path / "log.csv", head, t, *f.T, *w.T)])
+
+
+def test_a_clock_that_never_changes_is_none(tmp_path):
+    """The time of a receiver without satellites is zero in each row: the rate of the rows is asked for, as without."""
+    f, _ = at_rest(400)
+    path = rows(tmp_path / "station.csv", "UTC,accelX,accelY,accelZ,payBay", np.zeros(400), *f.T, np.ones(400))
+    with refused():
+        propose_recording([path])
+    found = propose_recording([path], rate=20.0)
+    assert "UTC" in found.left_out
+    assert found.recording.step == pytest.approx(0.05)
+
+
+def test_a_fraction_of_a_second_may_stand_behind_a_third_colon(tmp_path):
+    f, _ = at_rest(1200)
+    t = np.arange(1200) / 200.0
+    stamps = [f"14:45:{28 + int(s):02d}:{int(10 * (s % 1) + 1e-9)}" for s in t]
+    found = propose_recording([rows(tmp_path / "watch.csv", "time,x,y,z", stamps, *f.T)])
+    np.testing.assert_allclose(np.diff(found.recording.time), 1 / 200, rtol=1e-3)
+    assert found.guesses["time"].unit == "s"
+
+
+def test_an_axis_may_stand_between_other_words_and_its_sensor(tmp_path):
+    """The gyroscopes of a receiver, logged z x y, were left out beside its accelerometers."""
+    t, f, w = turned()
+    head = "iTOW,EKF Raw Z Gyro,EKF Raw X Gyro,EKF Raw Y Gyro,EKF Raw X Accel,EKF Raw Y Accel,EKF Raw Z Accel"
+    found = propose_recording([rows(tmp_path / "ekf.csv", head, t, *(w.T[[2, 0, 1]] * D), *f.T)])
+    same(found, t, f, w)
+
+
+def test_four_voltages_at_rest_are_no_accelerometers(tmp_path):
+    """Three of the channels of a tilt meter are 0.71 V together, which was taken for 1 g."""
+    rng = np.random.default_rng(4)
+    volts = np.array([-0.028, -0.707, -0.103, -0.300]) + 1e-3 * rng.standard_normal((2000, 4))
+    path = rows(tmp_path / "tilts.txt", "", np.arange(2000.0), *volts.T, mark=" ")
+    with refused():
+        propose_recording([path], rate=10.0)
