@@ -369,7 +369,8 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
     if explained and explained[0] < MIN_AGREEMENT * explained[1] and not proposal.recording.counted(FORCE):
         well, turns = explained
         notes["gyroscopes"] = common_factor(proposal.turns) or (
-            f"{turns - well} of {turns} turns between rests fit gravity in no unit: are they gyroscopes?"
+            f"{turns - well} of {turns} turns between rests fit gravity in no unit: are these gyroscopes, is the "
+            "clock right, and are all rows there?"
         )
     elif explained and explained[0] >= MIN_AGREEMENT * explained[1] and log.has_open_unit(RATE):
         fitting = {
