@@ -332,8 +332,8 @@ independently in plain numpy and then run through `new`, `calibrate`, `diagnose`
 run is that of the program as it was, the last run that after what it showed had been corrected. Seven groups of twelve
 were chosen before any of them was run: in their first runs eight, eight, four, seven, eight, eleven and nine are right
 or honestly refused for the true reason, and none is falsely green or a crash (one recording of the last group was first
-run after a correction). Of an eighth, of fourteen, seven are, two are wrong, and one is a crash. The verdicts compare a
-run with the independent fit, by hand:
+run after a correction). Of an eighth, of fourteen, seven are, two are wrong, and one is a crash; of a ninth, of
+fourteen, six are, and one is wrong. The verdicts compare a run with the independent fit, by hand:
 
 * *right*: as the independent fit;
 * *half right*: usable after a correction by the user, or with one wrong statement;
