@@ -51,6 +51,9 @@ def gauss_newton(
     arrived(step, x, solution): whether the step from x was small enough; diverged(x): whether to give up.
     """
     info = linearise(x)
+    if damped or bounds is not None:  # else every step that returns what rows do not determine to its prior is halved
+        start, x = x, _undetermined_at_prior(info, x, bounds, seen)
+        info = info if x is start else linearise(x)
     for step in range(1, MAX_STEPS + 1):
         solution = solve_about(info, x, bounds, seen)
         if arrived(step, x, solution) or (step > MAX_QUADRATIC_STEPS and _is_rounding(info, x, solution.x)):
@@ -133,3 +136,15 @@ def _damped_step(
         if chi2(there, new) <= before * (1 + ROUNDING_OF_CHI2) or h <= MIN_DAMPING:
             return new, there if bounds is None else linearise(new)
         h /= 2
+
+
+def _undetermined_at_prior(info: Information, x: Array, bounds: Array | None, seen: float) -> Array:
+    """Return x (p,) with those directions of the linear parameters at their prior that the rows do not determine."""
+    mean, scale = prior(info.parameters)
+    linear = np.ones(len(x), dtype=bool) if bounds is None else ~np.isfinite(bounds[0])
+    _, S, Vt = np.linalg.svd(info.rows[:, :-1][:, linear], full_matrices=False)
+    if linear.sum() == np.count_nonzero(seen <= S):
+        return x
+    kept, out = Vt[seen <= S], (x - mean) / scale
+    out[linear] = kept.T @ (kept @ out[linear])
+    return np.asarray(mean + scale * out)

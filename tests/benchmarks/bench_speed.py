@@ -94,6 +94,15 @@ def turned(folder: Path, sweeps: int) -> None:
     write(simulate(scenario, 5)[0], folder, "samples.parquet")
 
 
+def drifting(folder: Path, hours: int) -> None:
+    """Minute means of a platform at rest whose clock is 2 ppm fast, which a drift about the polar axis resembles."""
+    scenario = tomllib.loads(find("wu2018-static").read_text(encoding="utf-8"))
+    scenario["schedule"] |= {"duration": {"value": hours, "unit": "h"}, "rate": {"value": 1 / 60, "unit": "Hz"}}
+    scenario["noise"]["accelerometer"]["value"] = 2e-5
+    scenario["truth"]["clock_rate"] = {"clock_rate": 2.0}
+    write(simulate(scenario, 6)[0], folder, "samples.parquet")
+
+
 @dataclass(frozen=True)
 class Row:
     """One line of the table: what is made, what is run and the peer; {of}: the folder that was made, {out}: results."""
@@ -126,6 +135,7 @@ ROWS = (
     Row("diagnose, 125 positions", positions, (12_500, 125), command("diagnose", "{of}", "--quiet", "--out", "{out}")),
     Row("diagnose, 1000 positions", positions, (20_000, 1000),
         command("diagnose", "{of}", "--quiet", "--out", "{out}")),
+    Row("diagnose, static run 48 h", drifting, (48,), command("diagnose", "{of}", "--quiet", "--out", "{out}")),
     Row("systematic, 7 h", turned, (7,), command("calibrate", "{of}", "--quiet", "--out", "{out}")),
     Row("campaign, 20 runs", None, (),
         command("campaign", "wu2018-18", "-n", "20", "--workers", "1", "--quiet", "--out", "{out}")),

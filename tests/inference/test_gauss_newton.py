@@ -1,0 +1,39 @@
+"""Damped Gauss-Newton steps where rows leave a direction to its prior."""
+
+import numpy as np
+
+from gimbalcal.effects import Parameter
+from gimbalcal.inference.gauss_newton import gauss_newton
+from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE, Information, Solution, information
+from gimbalcal.number import Array
+
+AXES = ("x", "y", "z")
+WANTED = tuple(Parameter("bias", "bias", "b", axis, k, "1", 1.0) for k, axis in enumerate(AXES))
+FAR = 30.0  # prior sigmas that a fit of another model followed noise to
+
+
+def _linearise(x: Array, seen: list[int]) -> Information:
+    """Rows that determine x and y; z moves them by 0.2 of their noise for each sigma of its prior, and curves."""
+    t = np.linspace(0, 1, 40)
+    model = np.stack([50 * t * x[0], 80 * t**2 * x[1] + 0.03 * x[2] * np.cos(3 * t) + 0.001 * x[2] ** 2 * t], axis=1)
+    J = np.zeros((40, 2, 3))
+    J[:, 0, 0], J[:, 1, 1] = 50 * t, 80 * t**2
+    J[:, 1, 2] = 0.03 * np.cos(3 * t) + 0.002 * x[2] * t
+    y = np.stack([50 * t * 0.4, 80 * t**2 * -0.2 + 0.03 * FAR * np.cos(3 * t)], axis=1)
+    seen.append(1)
+    return information(J, (y - model + J @ x).ravel(), WANTED)
+
+
+def test_what_rows_do_not_determine_returns_to_its_prior_at_once() -> None:
+    """A direction that lies many prior sigmas off, where chi^2 is lower, does not halve every step of the others."""
+    seen: list[int] = []
+
+    def arrived(_: int, x: Array, solution: Solution) -> bool:
+        return bool(np.all(np.abs(solution.x - x) <= 1e-3 * solution.sigma))
+
+    start = np.array([0.4, -0.2, FAR])
+    m = gauss_newton(lambda x: _linearise(x, seen), start, None, MIN_SIGNAL_TO_NOISE, True, arrived, lambda _: False)
+    assert m.steps
+    assert len(seen) <= 5
+    np.testing.assert_allclose(m.solution.x[2], 0.0, atol=0.1)
+    np.testing.assert_allclose(m.solution.x[0], 0.4, atol=1e-6)
