@@ -34,7 +34,7 @@ def guessed_columns(frame: Any) -> dict[str, Column]:
     return {name: Column(name, g.quantity, g.axis, g.unit) for name, g in known.items()}
 
 
-def guessed_frame(frame: Any, title: str, site: Mapping[str, tuple[float, str]] | None) -> Recording:
+def guessed_frame(frame: Any, title: str = "frame", site: Mapping[str, tuple[float, str]] | None = None) -> Recording:
     """Return the recording in a frame or a mapping of columns, with remarks on what each was taken for and why.
 
     site: latitude and height with their units. Raises InputError as `propose_recording` does.
