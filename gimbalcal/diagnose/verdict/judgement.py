@@ -190,12 +190,23 @@ def judged_without(end: Fit, taken: Candidate) -> Judgement:
     without = refit(end.view, none, wanted)
     s = search(without)
     known = s.library.candidates
-    at = next(i for i, c in enumerate(known) if c.key == taken.key)
+    at = _least_cause_that_holds(taken, known)
     j = judge_member(s, at, (), best_evidence(s), s.unknown > 0.5)
     probability = 0.0 if s.ln_total < needed_evidence(end, taken) else j.probability
     ((_, variant),) = selected_causes(s, (at,))
     sigma = _significance(without, end, s.library.X[:, list(variant.index)])
     return Judgement(taken, probability, j.alike, sigma, spread_of_number(s, known[at]) if number else 0.0)
+
+
+def _least_cause_that_holds(taken: Candidate, known: Sequence[Candidate]) -> int:
+    """Return the ordinal of a cause among those known, or of the one of fewest axes that holds all of its axes.
+
+    Two axes are one cause where the third was in the model, which may have been removed since.
+    """
+    effect, axes, *of = taken.key
+    like = (i for i, c in enumerate(known) if c.effect == effect and [*c.key[2:]] == of)
+    holding = (i for i in like if set(axes.split(", ")) <= set(known[i].axis.split(", ")))
+    return min(holding, key=lambda i: len(known[i].axis.split(", ")))
 
 
 def spread_of_number(s: Search, cause: Candidate) -> float:

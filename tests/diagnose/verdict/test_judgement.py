@@ -5,11 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimbalcal.diagnose.library.assemble import assemble_library
+from gimbalcal.diagnose.search.refit import start_with_baseline
 from gimbalcal.diagnose.search.stepwise import stepwise, with_causes
 from gimbalcal.diagnose.verdict.judgement import judged_without
 from gimbalcal.progress import no_progress
+from gimbalcal.views.norm import norm
 from gimbalcal.views.pointing import pointing
 from tests.diagnose.plant import ARCSEC
+from tests.diagnose.rows.test_views import UP, G, unit
 from tests.diagnose.small import telescope
 
 
@@ -25,6 +29,20 @@ def test_a_clear_cause_is_likely_and_alone():
     before, after = (float((m.residual**2).sum()) for m in (c.start, c.end))
     F = (before - after) / (after / (c.end.residual.size - len(c.end.parameters)))
     assert j.significance == pytest.approx(np.sqrt(F), rel=0.1)  # the scale is the likeliest of a grid 15 % wide
+
+
+def test_two_axes_are_judged_as_all_three_where_the_third_has_left_the_model():
+    """They were one cause while the third was in the model; no library holds the two of them alone any more."""
+    noise = 1e-4 * np.random.default_rng(5).standard_normal((20, 3))
+    rows = norm(unit(G * UP * [1.001, 1.0, 1.0] + 0.02 + noise))
+    start = start_with_baseline(rows)
+    of_all = next(
+        c for c in assemble_library(start).candidates if (c.effect, c.axis) == ("scale_factor_asymmetry", "x, y, z")
+    )
+    two = replace(of_all, axis="x, z", parameters=tuple(p for p in of_all.parameters if p.axis != "y"))
+    j = judged_without(with_causes(start, [(two, of_all.variants[0])]), two)
+    assert j.cause is two
+    assert j.probability < 0.5  # no sensor is asymmetric
 
 
 def test_a_weak_cause_is_less_likely():
