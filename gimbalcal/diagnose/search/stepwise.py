@@ -357,6 +357,13 @@ def order_by_explanation(first: Fit, selected: Sequence[SelectedCause]) -> tuple
     return tuple(steps)
 
 
+def refit_to_view(v: View, c: SearchResult) -> SearchResult:
+    """Fit the same causes to another view of the same recording."""
+    first = start_with_baseline(v)
+    steps = order_by_explanation(first, c.causes)
+    return SearchResult(first, steps, c.shapes, steps[-1].model if steps else first, c.standard)
+
+
 def with_causes(model: Fit, selected: Sequence[SelectedCause]) -> Fit:
     """Return the model with these causes in it, everything refitted; each set of causes is fitted once."""
     if not selected:

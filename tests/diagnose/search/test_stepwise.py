@@ -21,6 +21,7 @@ from gimbalcal.diagnose.search.stepwise import (
     likeliest_missing,
     ln_evidence,
     refine_constants,
+    refit_to_view,
     stepwise,
     with_causes,
 )
@@ -92,9 +93,12 @@ def test_a_tilted_base_and_a_bent_tube_are_taken_up():
 
 
 def test_the_first_step_takes_away_most():
-    c = found()
+    v, c = view(12.0, -7.0, 15.0), found()
     each = [with_causes(c.start, [s.cause]).rms for s in c.steps]
     assert each[0] == min(each) == c.steps[0].model.rms
+    again = refit_to_view(v, c)
+    assert [s.cause[0].label for s in again.steps] == [s.cause[0].label for s in c.steps]
+    assert again.end.rms == pytest.approx(c.end.rms, rel=1e-9)
 
 
 def test_nothing_is_taken_up_where_nothing_is_missing():
