@@ -215,7 +215,7 @@ def _unevenness(triple: Sequence[Array]) -> float:
 def _may_be_force(triple: Sequence[Array]) -> bool:
     """Return whether three columns are a vector of one length that gravity may have, in a unit or in counts.
 
-    That of one that never turns is all that shows it, and has to be closer.
+    Of a vector that never turns the length is the only evidence: it may be off by half as much.
     """
     counted = float(np.median(_length(triple))) > MIN_COUNT and _unevenness(triple) < MAX_UNEVENNESS
     error = MAX_GRAVITY_ERROR if changes_direction(triple) else MAX_GRAVITY_ERROR / 2

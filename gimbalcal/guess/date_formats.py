@@ -59,7 +59,7 @@ def in_iso(days: Sequence[str], times: Sequence[str]) -> list[str]:
 def with_decimal_seconds(cells: Sequence[str]) -> list[str]:
     """Return times of day whose fraction of a second stands behind a third colon with a decimal point there.
 
-    It counts in what the longest of them needs: tenths where all have one digit, ms where some have three.
+    All fractions count in the unit of the longest: tenths where all have one digit, ms where some have three.
 
     >>> with_decimal_seconds(["14:45:28:8", "14:45:28:120"])
     ['14:45:28.008', '14:45:28.120']

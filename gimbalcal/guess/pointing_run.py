@@ -139,9 +139,10 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
         and np.ptp(x) > 0
         and np.max(np.abs(x)) < 360 * MAX_TURNS
     }
-    pairs, counts = _pairs(angles) if len(table.columns) <= MAX_COLUMNS else [], dict[str, int]()
-    if not pairs and len(table.columns) <= MAX_COLUMNS:  # an encoder goes round where the axis goes on
-        turned, counts = encoder_angles(angles)
+    few, counts = angles if len(table.columns) <= MAX_COLUMNS else {}, dict[str, int]()
+    pairs = _pairs(few)
+    if few and not pairs:  # an encoder goes round where the axis goes on
+        turned, counts = encoder_angles(few)
         pairs, angles = (_pairs(turned), turned) if counts else (pairs, angles)
     even = {n for n, x in angles.items() if len(angles) > 2 and _is_count(x)}
     pairs = [p for p in pairs if not even.intersection(p)]

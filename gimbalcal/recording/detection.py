@@ -180,9 +180,9 @@ def _longest_window(
 
 
 def _floor_of_most(floor: Array, variances: Sequence[Array], q: float) -> Array:
-    """Return floors (C,), of a channel that is far quieter in a few rests than in most that of most.
+    """Return floors (C,); a channel that is far quieter in a few rests than in most has the floor of most.
 
-    What a table rocks by tilts gravity: it shows in the axes that lie level, and not in the one that stands upright.
+    A table that rocks tilts gravity, which shows in the axes that lie level and not in the one that stands upright.
     """
     together = reduce(np.add, variances)
     quiet = together <= THRESHOLD * np.quantile(together, q)

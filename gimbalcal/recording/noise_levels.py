@@ -19,7 +19,7 @@ TAU = HOUR
 # octaves between the time constants of a flicker: its spectrum is right within 7 %, with few states
 FLICKER_OCTAVES = 3.0
 
-ENOUGH = 8192  # rows of each batch that are looked at: sigma to better than 1 % from the first batch
+BATCH_ROWS = 8192  # rows looked at in each batch: sigma to better than 1 % from the first one
 SETTING_SIGMA_RAD = float(to_si(1.0, "arcsec"))  # repeatability of a good gimbal, where nobody states it
 
 
@@ -89,7 +89,7 @@ class Scatter:
         """Take in channels (n,) each; `begins`: rows that do not continue the row before, `still`: those at rest."""
         if len(begins) < 4 or not len(x):
             return
-        first = slice(ENOUGH)
+        first = slice(BATCH_ROWS)
         third = scaled_differences([c[first] for c in x], begins[first] | ~still[first], weight[first], turn=self.turn)
         self.squares += [float(d @ d) for d in third]
         self.count += len(third[0])
@@ -111,7 +111,7 @@ def pooled_scatter(
     p = np.ones(n) if position is None else position
     begins, still = np.diff(p, prepend=p[:1]) != 0, p > 0
     scatter = Scatter(np.array([2 * np.pi if quantity in ANGLES else np.inf for quantity, _ in channels]))
-    for start in range(0, n, ENOUGH):
-        rows = slice(start, start + ENOUGH)
+    for start in range(0, n, BATCH_ROWS):
+        rows = slice(start, start + BATCH_ROWS)
         scatter.add([x[rows] for x in channels.values()], begins[rows], weight[rows], still[rows])
     return dict(zip(channels, scatter.sigma(), strict=False))

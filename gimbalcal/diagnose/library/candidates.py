@@ -74,6 +74,11 @@ class Candidate:
         """The key by which candidates of different libraries are the same cause."""
         return self.effect, self.axis, self.source, self.mechanism
 
+    @property
+    def axes(self) -> frozenset[str]:
+        """The axes on which it acts together."""
+        return frozenset(self.axis.split(", "))
+
     def absent(self, s: Stimulus, at: Constants = ()) -> Effect:
         """Return the effect of the cause with these constants and of no size."""
         return absent_effect(self.effect, s, self.source, **dict(at))

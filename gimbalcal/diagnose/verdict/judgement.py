@@ -64,7 +64,7 @@ class Judgement:
     def instead(self, candidates: Sequence[Candidate]) -> bool:
         """Return whether one of those that fit alike was found as well: then it stands beside this one."""
         return any(
-            a.effect == c.effect and set(a.axis.split(", ")) & set(c.axis.split(", "))
+            a.effect == c.effect and a.axes & c.axes
             for a in self.alike for c in candidates if c.key != self.cause.key
         )  # fmt: skip
 
@@ -89,10 +89,10 @@ def _probability_of_any(s: Ranking, p: Array, alike: Sequence[int], with_rest: b
     """
     candidates = s.library.candidates
     named = {candidates[i].effect for i in alike}
-    axes = {a for i in alike for a in candidates[i].axis.split(", ")}
+    axes = {a for i in alike for a in candidates[i].axes}
 
     def inside(i: int) -> bool:
-        return candidates[i].effect in named and bool(axes & set(candidates[i].axis.split(", ")))
+        return candidates[i].effect in named and bool(axes & candidates[i].axes)
 
     total = sum(w for h, w in zip(s.hypotheses, p, strict=True)
                 if (with_rest or not h.unknown(candidates)) and any(inside(i) for i in h.members))  # fmt: skip
@@ -199,14 +199,16 @@ def judged_without(end: Fit, taken: Candidate) -> Judgement:
 
 
 def _least_cause_that_holds(taken: Candidate, known: Sequence[Candidate]) -> int:
-    """Return the ordinal of a cause among those known, or of the one of fewest axes that holds all of its axes.
+    """Return the ordinal of the known cause with all axes of this one and the fewest others: itself where known.
 
     Two axes are one cause where the third was in the model, which may have been removed since.
     """
-    effect, axes, *of = taken.key
-    like = (i for i, c in enumerate(known) if c.effect == effect and [*c.key[2:]] == of)
-    holding = (i for i in like if set(axes.split(", ")) <= set(known[i].axis.split(", ")))
-    return min(holding, key=lambda i: len(known[i].axis.split(", ")))
+
+    def holds(c: Candidate) -> bool:
+        same = (c.effect, c.source, c.mechanism) == (taken.effect, taken.source, taken.mechanism)
+        return same and taken.axes <= c.axes
+
+    return min((i for i, c in enumerate(known) if holds(c)), key=lambda i: len(known[i].axes))
 
 
 def spread_of_number(s: Search, cause: Candidate) -> float:
