@@ -96,6 +96,6 @@ def added(index, s):
 def test_stages_come_in_the_order_of_the_model_in_whichever_order_they_are_asked_for():
     made, s = recording_of("multi-position"), stimulus_of("multi-position")
     for stages in (list(Stage), list(Stage)[::-1], frozenset(Stage)):
-        shown = linearise(made.platform, s, (), stages=stages).sensitivity
+        shown = linearise(made.platform, s, (), stages=stages).seen
         assert list(shown) == sorted(shown, key=list(Stage).index)
         assert len(shown) > 5

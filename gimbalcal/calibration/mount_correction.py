@@ -121,9 +121,9 @@ def _pointing_correction(recording: Recording, effects: Sequence[Effect]) -> Mou
     channels, angle = tuple(("pointing", a) for a in AXES["pointing"]), np.array(readout)
     for _ in range(NEWTON_STEPS):
         perfect = s.at(readout=angle, angle=angle)
-        rows = linearise(platform, perfect, (), "pointing", channels, observed, [Stage.ENCODER])
+        rows = linearise(platform, perfect, (), "pointing", channels, observed)
         # the smallest turns: at the zenith an alt-azimuth mount has one axis for two directions
-        inverse = np.linalg.pinv(rows.sensitivity[Stage.ENCODER][..., read], rcond=1e-6)
+        inverse = np.linalg.pinv(rows.sensitivity(Stage.ENCODER)[..., read], rcond=1e-6)
         angle[:, read] += np.einsum("nki,ni->nk", inverse, rows.residual)
     return Mount(angle - readout)
 

@@ -151,11 +151,10 @@ def rows_at_rest(
     """
     n = len(s.force)
     s = s.at(move_force=np.zeros((n, 3)), move_angle=np.zeros_like(s.readout), earlier_move_force=np.zeros((n, 3)))
-    stages = dict.fromkeys((*(CATALOGUE[p.effect].stage for p in wanted), Stage.ENCODER))
-    rows = linearise(platform, s, (), channels=FORCES, stages=stages)
+    rows = linearise(platform, s, (), channels=FORCES)
     J = rows.jacobian(wanted)
     # where no angle is known the force may be turned by any angle
-    G = cross_matrix(s.force) if np.isinf(setting) else rows.sensitivity[Stage.ENCODER]
+    G = cross_matrix(s.force) if np.isinf(setting) else rows.sensitivity(Stage.ENCODER)
     linear = VisitRows(J, 0 * s.force, G, np.ones(n) if weight is None else weight, J[:0], s.force[:0])
     w = eliminate(linear, accelerometer**2, setting**2)
     return np.where(np.isfinite(w.sigma)[..., None], w.J, 0.0) * np.array([p.sigma for p in wanted])

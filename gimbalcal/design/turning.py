@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gimbalcal.earth import normal_gravity
-from gimbalcal.effects import CATALOGUE, Parameter
+from gimbalcal.effects import Parameter
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE, velocity_variance
 from gimbalcal.estimate.systematic.filter_pass import POSITION_SIGMA_M, VELOCITY_STATES
@@ -126,7 +126,6 @@ class TurningExperiment:
     def mean_readings(self, path: Trajectory, end: Array, dt: Array) -> tuple[Array, Array]:
         """Return mean force and rate (n, 6) over intervals, and their derivatives (n, 6, p) per prior sigma."""
         scale = np.array([p.sigma for p in self.wanted])
-        stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in self.wanted)
         means, derivatives = [], []
         for i in range(0, len(end), BATCH_INTERVALS):
             at = nodes(path, end[i : i + BATCH_INTERVALS], dt[i : i + BATCH_INTERVALS], False)
@@ -135,7 +134,7 @@ class TurningExperiment:
             s = stimulus(path, replace(self.recording, channels=zero, time=at.time, weight=np.ones(n)), at.time)
             s = s.at(time=at.time)
             means.append(at.means(np.hstack([s.force, s.rate])))
-            J = linearise(BENCH, s, (), ROTATION.name, CHANNELS, stages=stages).jacobian(self.wanted)
+            J = linearise(BENCH, s, (), ROTATION.name, CHANNELS).jacobian(self.wanted)
             derivatives.append(at.means(J) * scale)
         return np.concatenate(means), np.concatenate(derivatives)
 

@@ -1,7 +1,8 @@
 r"""A recording held against the model: residuals, and exact derivatives by what is added at each stage.
 
-The model is differentiated once, stage by stage: S_k = d(outputs) / d(addition at stage k), by the complex step through
-the same code. The derivative by any parameter theta of an effect at that stage is then one product,
+The model is differentiated stage by stage, each when it is first asked for: S_k = d(outputs) / d(addition at stage k),
+by the complex step through the same code. The derivative by any parameter theta of an effect at that stage is one
+product,
 
 .. math:: \frac{\partial h}{\partial \theta} = S_k \, \frac{\partial c_\theta}{\partial \theta} ,
 
@@ -12,13 +13,14 @@ stage, and what acts in front of it is then differentiated through the whole mod
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cache
 
 import numpy as np
 
 from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, Stimulus, values, with_values, zero_effect
-from gimbalcal.effects.effect import GYROSCOPE_STAGES
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES
 from gimbalcal.forward.model import (
     OTHER_KINDS,
     SENSED_QUANTITIES,
@@ -50,9 +52,10 @@ ONLY_IN = {  # stages that one quantity alone shows
 class Rows:
     """C channels of n rows about a model: what was read less what is predicted, and how they answer each stage.
 
-    residual (n, C); sensitivity: stage to (n, C, m) per unit of each of the m numbers added there, both in SI, or in
-    sigmas after `over`; seen: what each stage experiences; reduction: a linear map of columns (n, C, p) to fewer rows,
-    such as means over blocks, that `columns` end with and that the residual has been through.
+    residual (n, C) in SI, or in sigmas after `over`; seen: what each stage experiences that shows in the channels;
+    sensitivity: each of these to (n, C, m) in the units of the residual per unit of each of the m numbers added there;
+    reduction: a linear map of columns (n, C, p) to fewer rows, such as means over blocks, that `columns` end with and
+    that the residual has been through.
     """
 
     platform: Platform
@@ -62,7 +65,7 @@ class Rows:
     channels: tuple[Key, ...]
     residual: Array
     seen: Mapping[Stage, Stimulus]
-    sensitivity: Mapping[Stage, Array]
+    sensitivity: Callable[[Stage], Array]
     sigma: Array | float = 1.0  # what residual and sensitivity have been divided by
     reduction: Callable[[Array], Array] | None = None
     nuisance: Array | None = None  # (n, C, m) by explicit parameters of no effect: a heading, a mounting, a lag
@@ -73,7 +76,7 @@ class Rows:
         return replace(
             self,
             residual=self.residual / sigma,
-            sensitivity={k: S / sigma[..., None] for k, S in self.sensitivity.items()},
+            sensitivity=cache(lambda stage: self.sensitivity(stage) / sigma[..., None]),
             sigma=self.sigma * sigma,
             nuisance=None if self.nuisance is None else self.nuisance / sigma[..., None],
         )
@@ -90,7 +93,7 @@ class Rows:
 
     def through(self, stage: Stage, added: Array) -> Array:
         """Return the effect of an addition (n, ...) at a stage on the channels (n, C), before any reduction."""
-        S = self.sensitivity[stage]
+        S = self.sensitivity(stage)
         return np.asarray(np.einsum("ncm,nm->nc", S, added.reshape(len(S), -1)))
 
     def added(self, stage: Stage, index: int, basis: Array) -> Array:
@@ -98,7 +101,7 @@ class Rows:
 
         basis (n, p), or (n k, p) where each row sums what was added in k steps before it.
         """
-        S, p = self.sensitivity[stage], basis.shape[1]
+        S, p = self.sensitivity(stage), basis.shape[1]
         n, C, k = *S.shape[:2], len(basis) // len(S)
         return self._mapped(np.einsum("nck,nkp->ncp", S.reshape(n, C, k, -1)[..., index], basis.reshape(n, k, p)))
 
@@ -140,7 +143,7 @@ class Rows:
         for effect_id in dict.fromkeys(p.effect for p in wanted):
             effect = by_id.get(effect_id) or zero_effect(CATALOGUE[effect_id], names)
             mine = [i for i, p in enumerate(wanted) if p.effect == effect_id]
-            if effect.stage in self.sensitivity:  # no channel shows the others
+            if effect.stage in self.seen:  # no channel shows the others
                 out[:, :, mine] = self.columns(effect, [wanted[i] for i in mine])
         return out
 
@@ -152,73 +155,58 @@ def linearise(
     kind: str = "multi-position",
     channels: Sequence[Key] | None = None,
     read: Array | None = None,
-    stages: Iterable[Stage] = Stage,
+    stages: Container[Stage] = frozenset(Stage),
 ) -> Rows:
-    """Return the rows of a recording about the effects, with the sensitivity of every channel to each of the stages.
+    """Return the rows of a recording about the effects; what is added at other than these stages does not count.
 
     channels: the quantities and axes that are looked at (default: all that the model predicts); read (n, C): what was
     read of them in SI (default: as predicted, for a recording that is only planned).
     """
-    force = None if kind in OTHER_KINDS else block_force(platform, s, effects)
+    met: dict[Stage, Stimulus] = {}
+    witnessed = (*effects, *(_PROBES[stage](np.zeros(()), met) for stage in Stage))
+    force = None if kind in OTHER_KINDS else block_force(platform, s, witnessed)
     quantities = {q for q, _ in channels} if channels is not None else set(SENSED_QUANTITIES)
+    if force is None:
+        outputs = predict(platform, s, witnessed, kind)
+    else:
+        outputs = sensors(force, s, witnessed, quantities)
+    keys = tuple(channels) if channels is not None else _all_outputs(platform, outputs)
+    predicted = wanted_channels(platform, outputs, keys)
+    shown = {q for q, _ in keys}
+    seen = {k: met[k] for k in Stage if k in stages and k in met and ONLY_IN.get(k) in (None, *shown)}
 
-    def outputs(effects: Sequence[Effect]) -> dict[str, Array]:
-        if force is None:
-            return predict(platform, s, effects, kind)
-        return sensors(block_force(platform, s, effects), s, effects, quantities)
-
-    unperturbed = outputs(effects) if force is None else sensors(force, s, effects, quantities)
-    keys = tuple(channels) if channels is not None else _all_outputs(platform, unperturbed)
-    predicted = wanted_channels(platform, unperturbed, keys)
-    stimuli: dict[Stage, Stimulus] = {}
-    sensitivity: dict[Stage, Array] = {}
-    stages = sorted(stages, key=list(Stage).index)  # a set has another order in every run
-    of_sensors = {} if force is None else sensitivities_of_sensors(s.at(force=force), effects, keys, stages)
-    for stage in stages:
-        if stage in ONLY_IN and not any(q == ONLY_IN[stage] for q, _ in keys):
-            continue
-        if stage in of_sensors:
-            stimuli[stage], sensitivity[stage] = of_sensors[stage]
-            continue
-        columns = []
-        shape = _shape_of_addition(stage, platform)
+    @cache
+    def sensitivity(stage: Stage) -> Array:
+        if force is not None and stage in SENSOR_STAGES | GYROSCOPE_STAGES:
+            return _sensitivity_of_sensors(stage, met[stage], effects, keys)
+        shape, columns = _shape_of_addition(stage, platform), []
         for unit in np.eye(int(np.prod(shape))):
-            probe = _PROBES[stage](value=(1j * STEP * unit).reshape(shape), met=stimuli)
-            added = wanted_channels(platform, outputs((*effects, probe)), keys)
-            columns.append(added.imag / STEP)
-            if stage not in stimuli:
-                break
-        if stage in stimuli:
-            sensitivity[stage] = np.stack(columns, axis=-1)
-            met = stimuli[stage]
-            stimuli[stage] = met.at(force=met.force.real, angle=met.angle.real, rate=met.rate.real)
+            added = np.broadcast_to((1j * STEP * unit).reshape(shape), (len(s.time), *shape))
+            probed = (*effects, _PROBES[stage](added))
+            if force is None:
+                there = predict(platform, s, probed, kind)
+            else:
+                there = sensors(block_force(platform, s, probed), s, probed, quantities)
+            columns.append(wanted_channels(platform, there, keys).imag / STEP)
+        return np.stack(columns, axis=-1)
+
     residual = np.zeros_like(predicted) if read is None else difference(read, predicted, keys)
-    return Rows(platform, kind, s, tuple(effects), keys, residual, stimuli, sensitivity)
+    return Rows(platform, kind, s, tuple(effects), keys, residual, seen, sensitivity)
 
 
-def sensitivities_of_sensors(
-    s: Stimulus, effects: Sequence[Effect], keys: Sequence[Key], wanted: Sequence[Stage]
-) -> dict[Stage, tuple[Stimulus, Array]]:
-    """Return what the wanted stages of sensors that feel `s` experience, and the sensitivity (n, C, 3) to each.
+def _sensitivity_of_sensors(stage: Stage, met: Stimulus, effects: Sequence[Effect], keys: Sequence[Key]) -> Array:
+    """Return the sensitivity (n, C, 3) to a stage of sensors that experiences `met`.
 
-    What is added at a stage goes through the stages behind it alone.
+    What is added there goes through the stages behind it alone.
     """
-    out = {}
-    for quantity, (felt, stages) in SENSOR_CHAINS.items():
-        shown = {i: AXES[quantity].index(axis) for i, (q, axis) in enumerate(keys) if q == quantity}
-        met = s
-        for k, stage in enumerate(stages if shown and not set(wanted).isdisjoint(stages) else ()):
-            passed = reading_after_stages(felt, stages[k : k + 1], met, effects)
-            if stage in wanted:
-                S = np.zeros((len(passed), len(keys), 3))
-                for number, unit in enumerate(np.eye(3)):
-                    added = reading_after_stages(
-                        felt, stages[k + 1 :], met.at(**{felt: passed + 1j * STEP * unit}), effects
-                    )
-                    S[:, [*shown], number] = added[:, [*shown.values()]].imag / STEP
-                out[stage] = met, S
-            met = met.at(**{felt: passed})
-    return out
+    quantity, (felt, stages) = next(item for item in SENSOR_CHAINS.items() if stage in item[1][1])
+    shown = {i: AXES[quantity].index(axis) for i, (q, axis) in enumerate(keys) if q == quantity}
+    passed, behind = reading_after_stages(felt, [stage], met, effects), stages[stages.index(stage) + 1 :]
+    S = np.zeros((len(passed), len(keys), 3))
+    for number, unit in enumerate(np.eye(3)):
+        added = reading_after_stages(felt, behind, met.at(**{felt: passed + 1j * STEP * unit}), effects)
+        S[:, [*shown], number] = added[:, [*shown.values()]].imag / STEP
+    return S
 
 
 def jacobian(
@@ -232,8 +220,7 @@ def jacobian(
 
     Returns channel to (n, c, p), SI per SI.
     """
-    stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
-    rows = linearise(platform, s, effects, kind, stages=stages)
+    rows = linearise(platform, s, effects, kind)
     full = rows.jacobian(wanted)
     quantities = dict.fromkeys(q for q, _ in rows.channels)
     return {q: full[:, [i for i, key in enumerate(rows.channels) if key[0] == q]] for q in quantities}
@@ -269,14 +256,14 @@ def _shape_of_addition(stage: Stage, platform: Platform) -> tuple[int, ...]:
 
 @dataclass(frozen=True)
 class _Probe(Effect):
-    """Adds a constant at a stage and remembers what the stage experienced."""
+    """Adds a value at a stage and notes in `met` what the stage experienced."""
 
     value: Array
-    met: dict[Stage, Stimulus]
+    met: dict[Stage, Stimulus] = field(default_factory=dict)
 
     def contribution(self, s: Stimulus) -> Array:
         self.met[self.stage] = s
-        return np.repeat(self.value[None], len(s.time), axis=0)
+        return self.value
 
 
 _PROBES = {stage: type(f"_Probe{stage.name}", (_Probe,), {"stage": stage}) for stage in Stage}

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, with_values
+from gimbalcal.effects import Effect, Parameter, with_values
 from gimbalcal.errors import InputError
 from gimbalcal.forward import linearise
 from gimbalcal.kinematics import required_latitude, stimulus_from_angles, stimulus_from_readings
@@ -156,8 +156,7 @@ def _sensitivity(
     else:
         s, kind, quantities = stimulus_from_readings(run), "rotation", (FORCE, RATE)
     keys = tuple(key for key in run.channels if key[0] in quantities)
-    stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
-    rows = linearise(run.platform, s, effects, kind, keys, stages=stages)
+    rows = linearise(run.platform, s, effects, kind, keys)
 
     def moved(k: int) -> tuple[Recording, Recording]:
         """Return the readings with a step of a parameter, and with a step back."""

@@ -77,9 +77,9 @@ def by_position(
         axes: tuple[str, ...] = ("x", "y", "z")
         channels = [("specific_force", a) for a in axes]
         own = [e for e in effects if e.stage not in STATIC_RUN_STAGES]
-        bare = linearise(means.platform, s, (), channels=channels, read=measured, stages=[Stage.ENCODER])
+        bare = linearise(means.platform, s, (), channels=channels, read=measured)
         before = bare.residual
-        after = linearise(means.platform, s, own, channels=channels, read=measured, stages=()).residual
+        after = linearise(means.platform, s, own, channels=channels, read=measured).residual
         sigma = None if sigma is None else np.hypot(sigma, setting_spread(bare, noise.setting))
     else:
         axes = ("|f| − g",)
@@ -129,7 +129,7 @@ def _of_view(v: View, effects: Sequence[Effect], unit: str) -> ByPosition:
 
 def setting_spread(rows: Rows, sigma: float) -> Array:
     """Return sigma (n, C) [m/s^2] of the force if every gimbal is set with an error of `sigma` [rad]."""
-    return np.sqrt(((rows.sensitivity[Stage.ENCODER] * sigma) ** 2).sum(axis=-1))
+    return np.sqrt(((rows.sensitivity(Stage.ENCODER) * sigma) ** 2).sum(axis=-1))
 
 
 def _norm(f: Array) -> Array:

@@ -10,9 +10,8 @@ back. Without a readout of its platform gimbal the force itself tells the phase 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -63,10 +62,10 @@ class Readings:
         """Ideal specific force in units of gravity (n, 3)."""
         return np.asarray(self.stimulus.force / self.stimulus.gravity)
 
-    def rows(self, effects: Sequence[Effect] = (), stages: Iterable[Stage] = Stage) -> Rows:
+    def rows(self, effects: Sequence[Effect] = ()) -> Rows:
         """The rows about a model: residuals and sensitivities in SI."""
         platform = self.recording.platform
-        return linearise(platform, self.stimulus, effects, self.recording.kind, self.channels, self.value, stages)
+        return linearise(platform, self.stimulus, effects, self.recording.kind, self.channels, self.value)
 
     def predicted(self, effects: Sequence[Effect] = ()) -> Array:
         """Return the readings (n, C) that the model predicts."""
@@ -129,26 +128,25 @@ def view_at_known_attitude(recording: Recording, baseline: Sequence[str] = (), k
 
 
 def view_of_readings(
-    read: Readings, noise: NoiseModel, baseline: Sequence[str] = (), stages: Iterable[Stage] = Stage,
-    setting: float | None = None,
-) -> View:  # fmt: skip
-    """Return the view of readings at known attitude with this noise; stages: those of effects that are asked for.
+    read: Readings, noise: NoiseModel, baseline: Sequence[str] = (), setting: float | None = None
+) -> View:
+    """Return the view of readings at known attitude with this noise.
 
     setting: one sigma [rad] by which gimbals are set at each visit of a position; None where no row is set anew.
     """
-    recording, s, n, stages = read.recording, read.stimulus, len(read.recording.time), tuple(stages)
+    recording, s, n = read.recording, read.stimulus, len(read.recording.time)
     visit = np.unique(s.visit, return_inverse=True)[1]
 
     def off(effects: Sequence[Effect], e: Array) -> Rows:
         angle = s.readout + e[visit]
-        return replace(read, stimulus=s.at(readout=angle, angle=angle)).rows(effects, stages)
+        return replace(read, stimulus=s.at(readout=angle, angle=angle)).rows(effects)
 
     local = None
     if setting is not None:
-        local = Local(visit, s.readout.shape[1], setting, lambda rows: rows.sensitivity[Stage.ENCODER], off)
+        local = Local(visit, s.readout.shape[1], setting, lambda rows: rows.sensitivity(Stage.ENCODER), off)
     return View(
         STATIC_RUN if recording.kind.stabilised else POSITIONS, channels=read.channels, **recording_fields(recording),
-        stimulus=s, evaluate=partial(read.rows, stages=stages), stages=frozenset(stages), noise=noise, label=s.position,
+        stimulus=s, evaluate=read.rows, stages=frozenset(Stage), noise=noise, label=s.position,
         baseline=tuple(baseline) or recording.kind.baseline,
         groups=np.arange(n) * FOLDS // n if recording.kind.stabilised else s.visit,
         local=local,

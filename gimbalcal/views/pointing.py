@@ -161,7 +161,7 @@ def _readout_misses(rows: Rows, own: Sequence[int]) -> Array:
 
     Near the pole of the outer axis no star determines the readouts: there they are zero.
     """
-    S = rows.sensitivity[Stage.ENCODER]
+    S = rows.sensitivity(Stage.ENCODER)
     square = S[:, :, list(own)]
     determined = np.abs(np.linalg.det(square)) > MIN_POLE_COSINE
     out = np.zeros((len(S), S.shape[2]))

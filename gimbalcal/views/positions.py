@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gimbalcal.earth import G0
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, Stage, known_effect, parameters, with_values
+from gimbalcal.effects import Effect, Parameter, known_effect, parameters, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.sensor_grades import GRADES, Grade
 from gimbalcal.number import Array
@@ -65,9 +65,8 @@ def view_of_positions(
     if not averaged and recording.position is not None:
         rows = recording.select(recording.position > 0)
     rows.triad(FORCE)  # all three axes, or InputError
-    stages = dict.fromkeys((*(CATALOGUE[i].stage for i in effects), Stage.ENCODER))
     read = readings(rows)
-    view = view_of_readings(read, _noise_model(noise, rows), stages=stages, setting=noise.setting)
+    view = view_of_readings(read, _noise_model(noise, rows), setting=noise.setting)
     return replace(view, acting=frozenset(effects))
 
 
@@ -85,7 +84,7 @@ def without_visits(view: View, visits: Sequence[int]) -> View:
     keep = ~np.isin(view.visits.group, visits)
     read = replace(readings(view.source.select(keep)), stimulus=view.stimulus.select(keep))
     noise = replace(view.noise, sigma=np.asarray(view.noise.sigma)[keep])
-    few = view_of_readings(read, noise, stages=view.stages, setting=view.visits.sigma)
+    few = view_of_readings(read, noise, setting=view.visits.sigma)
     return replace(few, acting=view.acting)
 
 

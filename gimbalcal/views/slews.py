@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -184,7 +185,7 @@ def view_of_slews(
     base, sigma = _shifted_home(onto, recording)
     if means and gimballed:
         base = replace(base, residual=base.residual + recording.step / 2)
-    known = parameters_of_effects(i for i in LATENCIES if CATALOGUE[i].stage in base.sensitivity)
+    known = parameters_of_effects(i for i in LATENCIES if CATALOGUE[i].stage in base.seen)
     step = recording.step
     offset = np.abs(np.average(base.residual, axis=0, weights=1 / sigma**2))
     M = _less_common(sigma, np.hypot(SAMPLED * step if gimballed else HAND, MAX_BENDING_SHARE * offset))
@@ -208,7 +209,7 @@ def view_of_slews(
     s = stimulus_from_readings(ends)
     return View(
         SLEWS, channels=channels, **recording_fields(replace(ends, kind=ROTATION)), stimulus=s,
-        label=s.position, evaluate=rows, stages=frozenset(base.sensitivity), baseline=(),
+        label=s.position, evaluate=rows, stages=frozenset(base.seen), baseline=(),
         gauge=frozenset(others), groups=np.arange(len(sigma)), noise=NoiseModel(sigma),
     )  # fmt: skip
 
@@ -284,12 +285,14 @@ class _Onto:
         residual = np.concatenate([rows.residual, 0 * m.rate], axis=1)
         if not self.gimballed:
             residual[:, 3:] = 0.0  # the rates are what carries gravity: what is left is left of the force
-        answer = {
-            k: np.concatenate([S, np.zeros((len(S), 3, S.shape[2]))], axis=1) for k, S in rows.sensitivity.items()
-        }
-        if self.gimballed:
-            answer[Stage.ENCODER][:, -3:] = m.axes
-        return replace(rows, residual=residual, sensitivity=answer)
+
+        @cache
+        def sensitivity(stage: Stage) -> Array:
+            S = rows.sensitivity(stage)
+            turned = m.axes if stage is Stage.ENCODER else np.zeros((len(S), 3, S.shape[2]))
+            return np.concatenate([S, turned], axis=1)
+
+        return replace(rows, residual=residual, sensitivity=sensitivity)
 
     def delays(self, X: Array) -> Array:
         """Columns (N, 3 q + 3, p) of samples to delays (m, C, p)."""

@@ -11,11 +11,12 @@ with D = dh/d(omega), as a rate that reads as it does is off by -D^-1 times what
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
-from gimbalcal.effects import Effect, Stimulus
+from gimbalcal.effects import Effect, Stage, Stimulus
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows, gyroscopes, linearise
@@ -52,10 +53,13 @@ def swept_rows(sweeps: Sweeps, effects: Sequence[Effect]) -> tuple[Array, Rows]:
     P, tail = _cumulative_rotations(phi)
     moved = -(tail @ left_jacobian(phi) @ np.linalg.inv(D).reshape(m, n, 3, 3)) * sweeps.step[..., None, None]
     read = linearise(BENCH, sweeps.stimulus.at(rate=w), effects, channels=RATES, stages=GYROSCOPE_STAGES)
-    answer = {
-        k: np.moveaxis(moved @ R.reshape(m, n, 3, 3), 1, 2).reshape(m, 3, 3 * n) for k, R in read.sensitivity.items()
-    }
-    return P, Rows(BENCH, read.kind, read.stimulus, read.effects, RATES, np.zeros((m, 3)), read.seen, answer)
+
+    @cache
+    def sensitivity(stage: Stage) -> Array:
+        R = read.sensitivity(stage).reshape(m, n, 3, 3)
+        return np.moveaxis(moved @ R, 1, 2).reshape(m, 3, 3 * n)
+
+    return P, replace(read, residual=np.zeros((m, 3)), sensitivity=sensitivity)
 
 
 def _corrected_rates(sweeps: Sweeps, effects: Sequence[Effect]) -> tuple[Array, Array]:

@@ -67,5 +67,5 @@ def static_information(
     """Return the information of a static run about the wanted parameters, linearised at its own estimate."""
     readings = static_readings(recording)
     wanted = static_parameters(readings) if wanted is None else wanted
-    found = fit([static_view(readings, wanted)], wanted, effects)
+    found = fit([static_view(readings)], wanted, effects)
     return information_of(found.views, found.effects, wanted)

@@ -283,7 +283,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("report.history_page", "_parameter_chart", "2 * sigma[chosen]", "sigma[chosen]"),
         ("report.parameters", "_parameter_row", "(e.value - float(from_si(truth", "(e.value + float(from_si(truth"),
         ("report.parameters", "_parameter_row", "from_si(truth[p.label], p.unit)", "truth[p.label]"),
-        ("report.residuals", "by_position", "stages=()).residual", "stages=()).residual * -1"),
+        ("report.residuals", "by_position", "read=measured).residual", "read=measured).residual * -1"),
         ("report.residuals", "by_position", "gravity=-s.force", "gravity=s.force"),
         ("report.parameters", "_stage_picture", "/ p.sigma", "* p.sigma"),
         ("report.chart", "limits", "m.y - m.spread, m.y + m.spread", "m.y - m.spread, m.y"),

@@ -148,7 +148,7 @@ def _blocks(o: Fit) -> _Blocks:
     k = o.view.gimbals_with_readout
     return _Blocks(
         walks=np.sqrt(count)[:, None, None] * np.eye(C),  # as a mean of so many rows is reduced
-        angles=o.reduced(o.rows.sensitivity[Stage.ENCODER][:, :, k]).reshape(n, C, -1) if k else np.zeros((n, C, 0)),
+        angles=o.reduced(o.rows.sensitivity(Stage.ENCODER)[:, :, k]).reshape(n, C, -1) if k else np.zeros((n, C, 0)),
         along=o.reduced(o.rows.through(Stage.ACCELEROMETER, o.view.stimulus.force)[:, :, None]).reshape(n, C, 1),
         since=np.diff(np.append(0.0, _block_time(o))),
         moved=np.append(True, np.diff(o.view.stimulus.visit[o.view.noise.starts]) != 0),

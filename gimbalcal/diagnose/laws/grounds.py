@@ -60,7 +60,7 @@ def _places(fit: Fit) -> list[Place]:
         return [Place(q, a, variables(s), s, block, columns) for q, a, columns in sensors]
     rows, out = fit.rows, list[Place]()
     for stage, quantity in CHANNEL.items():
-        if quantity not in v.measurement.acts_on or stage not in rows.sensitivity:
+        if quantity not in v.measurement.acts_on or stage not in rows.seen:
             continue
         s, gimbals = rows.seen[stage], stage is Stage.ENCODER
         block = v.noise.block if len(v.noise.block) else equal_stretches(len(s.time))

@@ -86,7 +86,7 @@ def _simple_laws(o: Fit, blocks: list[Array]) -> list[Candidate]:
 
 def _accelerometer_responses(o: Fit) -> list[tuple[str, Array]]:
     """Return the response (n, C) of all channels to one sigma of a row added to each logged accelerometer."""
-    S = o.rows.sensitivity[Stage.ACCELEROMETER]
+    S = o.rows.sensitivity(Stage.ACCELEROMETER)
     out = []
     for k, (quantity, axis) in enumerate(o.view.channels):
         if quantity == "specific_force":

@@ -145,7 +145,7 @@ def fit_baseline(view: View, known: Sequence[Effect] = (), steps: int = 2) -> Fi
 def linearised(view: View, effects: Sequence[Effect], wanted: Sequence[Parameter]) -> Fit:
     """Return a view of known noise scale linearised about effects."""
     rows = view.evaluate(effects).over(np.asarray(view.noise.sigma))
-    view = replace(view, stages=frozenset(rows.sensitivity))
+    view = replace(view, stages=frozenset(rows.seen))
     return Fit(view, tuple(effects), tuple(wanted), rows.residual, rows.jacobian(wanted), kept=rows)
 
 

@@ -56,7 +56,7 @@ def _corrections_of_visits(o: Fit) -> tuple[Array, Array, float]:
     assert local is not None
     sigma, v = local.sigma, len(local.zero_values)
     mine = local.group[o.view.noise.starts][:, None] == np.arange(v)
-    H = o.reduced(o.rows.sensitivity[Stage.ENCODER][:, :, k] * sigma).reshape(blocks, C, 1, len(k))
+    H = o.reduced(o.rows.sensitivity(Stage.ENCODER)[:, :, k] * sigma).reshape(blocks, C, 1, len(k))
     E = (H * mine[:, None, :, None]).reshape(blocks * C, -1)
     A = np.concatenate([o.reduced(o.Z), E], axis=1)
     q = o.Z.shape[-1]

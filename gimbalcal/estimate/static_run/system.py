@@ -25,7 +25,7 @@ from dataclasses import replace
 import numpy as np
 
 from gimbalcal.calibration import AssumedNoise, Calibration, Provenance, Residual, StageResult
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters_of_effects, with_values
+from gimbalcal.effects import Effect, Parameter, parameters_of_effects, with_values
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.fit_summary import joined_sentences, misfit_in_words
@@ -48,10 +48,9 @@ MAX_REDUCED_CHI2 = 1.1  # chi^2 per degree of freedom: the header's sigma is not
 PHASE, PHASE_SIGMA_RAD = "phi_0:polar", np.radians(1.0)  # many times what zeros and tilts make of it
 
 
-def static_view(run: Readings, wanted: Sequence[Parameter]) -> View:
-    """Return the view of the readings of a static run, in the noise of each row, for fits of the wanted parameters."""
-    stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
-    return view_of_readings(run, NoiseModel(run.sigma, scale_known=True), stages=stages)
+def static_view(run: Readings) -> View:
+    """Return the view of the readings of a static run, in the noise of each row."""
+    return view_of_readings(run, NoiseModel(run.sigma, scale_known=True))
 
 
 def static_readings(recording: Recording) -> Readings:
@@ -99,7 +98,7 @@ def static_view_with(run: Readings, more: Sequence[ExtraEffect]) -> View:
     """Return the view of a static run in which its baseline acts, and of extra effects those that it can show."""
     shown = sizes_shown(more, run.recording.why_not_shown, run.recording.platform.axis_names)
     wanted = (*static_parameters(run), *shown)
-    return replace(static_view(run, wanted), acting=frozenset(p.effect for p in wanted))
+    return replace(static_view(run), acting=frozenset(p.effect for p in wanted))
 
 
 def calibrate_static_run(
@@ -111,7 +110,7 @@ def calibrate_static_run(
     of the paper, of what these effects leave, stand in `stages`.
     """
     wanted = static_parameters(run) if wanted is None else wanted
-    fitted = fit([static_view(run, wanted)], wanted, start)
+    fitted = fit([static_view(run)], wanted, start)
     solution, effects = fitted.solution, fitted.effects
     stages = [stage(run, effects, fit_combined(run, start, effects))]
     if len(columns := run.columns("specific_force")) == 3:  # the paper's filter takes all axes
@@ -164,7 +163,7 @@ def both_levels(
     The base tilt and whatever else is of the run alone does not act in the positions. `effects` are where the fit
     begins.
     """
-    device, level, mine = positions.view, static_view(run, wanted), positions.fit.parameters
+    device, level, mine = positions.view, static_view(run), positions.fit.parameters
     fitted = fit([device, level], tuple(dict.fromkeys((*mine, *wanted))), effects)
     own = information_of([device], fitted.effects, mine, fitted.local[:1])
     return fitted.solution, solve(own), solve(information_of([level], fitted.effects, wanted))

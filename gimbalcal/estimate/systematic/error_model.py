@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gimbalcal.earth import rate_at
-from gimbalcal.effects import CATALOGUE, Effect, Parameter
+from gimbalcal.effects import Effect, Parameter
 from gimbalcal.effects.effect import Stimulus
 from gimbalcal.forward import linearise, predict, wanted_channels
 from gimbalcal.inference.square_root_filter import roots
@@ -76,8 +76,7 @@ def sensitivity(
     few = slice(max(rows.start - 1, 0), rows.stop + 1)  # slopes look at the neighbours
     s = stimulus_from_truth(recording.select(few), u[few, :3], u[few, 3:])
     s = s.at(time=recording.time[few] - recording.time[0], rate_slope=s.turning_faster())
-    stages = dict.fromkeys(CATALOGUE[p.effect].stage for p in wanted)
-    J = linearise(BENCH, s, effects, KIND, CHANNELS, stages=stages).jacobian(wanted)
+    J = linearise(BENCH, s, effects, KIND, CHANNELS).jacobian(wanted)
     if any(np.any(np.asarray(v) != 0) for e in effects for v in vars(e).values()):
         # matrices near 1: a product with their inverses takes a third of the time of `solve`, with 51 columns each
         J = np.linalg.inv(complex_step(lambda x: _read(s, effects, x), u[few])) @ J

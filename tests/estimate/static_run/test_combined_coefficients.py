@@ -72,7 +72,7 @@ def both_roads(seed, drift=1):
     r = static_readings(run(truth, np.random.default_rng(seed + 1000), hours=37.0, step=1200.0))
     wanted = tuple(p for p in static_parameters(r) if p.effect in ids)
     J = r.rows(truth).jacobian(wanted)
-    x = solve(information_of([static_view(r, wanted)], truth, wanted))
+    x = solve(information_of([static_view(r)], truth, wanted))
     fitted = with_values((), wanted, x.x, r.recording.platform.axis_names)
     table = fit_combined(r, (), fitted, drift, "white")
     exact = r.residual() - r.residual(truth)
