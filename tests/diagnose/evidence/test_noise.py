@@ -129,7 +129,7 @@ def of_rows(o, node):
     (setting,) = node.noise["gimbal_angle"]
     K = covariance(setting, s.time, s.visit)
     for gimbal in range(3):
-        S = B * o.rows.sensitivity[Stage.ENCODER][:, :, gimbal].ravel()
+        S = B * o.rows.sensitivity(Stage.ENCODER)[:, :, gimbal].ravel()
         V += S @ np.kron(K, np.ones((C, C))) @ S.T  # one angle turns all channels
     return V
 
