@@ -118,13 +118,17 @@ def other_range(ratio: float) -> float:
 
 def _compare_magnitude(recording: Recording, force: Array, step: float) -> str:
     """Compare the norm of forces (n, 3) with gravity; step [s] is that of rows that may be increments over it."""
-    ratio = float(np.median(np.linalg.norm(force, axis=1))) / recording.site.gravity
+    length = np.linalg.norm(force, axis=1)
+    ratio = float(np.median(length)) / recording.site.gravity
     if 0.5 <= ratio <= 1.5:
         return ""
     unit = _unit(recording)
     factor = FORCE_UNITS.get(unit, 1.0)
+    one_length = np.median(np.abs(length / np.median(length) - 1)) < MAX_MOTION if ratio else False  # as gravity has
     likely = [
-        name for name, size in FORCE_UNITS.items() if UNIT_RATIO_RANGE[0] < ratio * size / factor < UNIT_RATIO_RANGE[1]
+        name
+        for name, size in FORCE_UNITS.items()
+        if one_length and UNIT_RATIO_RANGE[0] < ratio * size / factor < UNIT_RATIO_RANGE[1]
     ]
     remedy = f'the numbers look like {likely[0]}: write unit = "{likely[0]}"' if likely else "correct the unit"
     remedy += " of its columns"

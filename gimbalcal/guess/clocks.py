@@ -88,15 +88,15 @@ def unit_of_time(time: Array) -> tuple[str, str]:
 
 
 def unit_of_epoch(time: Array) -> str:
-    """Return the unit in which a clock (n,) that never goes back counts from an epoch to this century; empty if none.
+    """Return the unit in which all stamps of a clock (n,) count from an epoch to this century; empty if none.
 
     The epochs are those of Unix, of Windows (0.1 us since 1601) and of MATLAB (days since the year 0).
     """
-    if len(time) < MIN_ROWS or np.any(np.diff(time) < 0) or time[-1] == time[0]:
+    if len(time) < MIN_ROWS or time[-1] == time[0]:
         return ""
     for unit, epoch in EPOCH_DAYS.items():
         first, last = ((day + epoch) * UNITS["d"] / UNITS[unit] for day in UNIX_DAYS)
-        if first <= time[0] and time[-1] <= last:
+        if first <= np.min(time) and np.max(time) <= last:
             return unit
     return ""
 

@@ -128,6 +128,7 @@ _UNITS = by_spelling(
     }
 )
 ANGLES = ("rad", "mrad", "deg", "mdeg", "gon", "arcmin", "arcsec")  # units of the angles of a rig or a mount
+_TURNED = ("rad", "deg", "mdeg")  # behind the name of a gyroscope: in a second
 _QUANTITY_OF_UNIT = {
     **dict.fromkeys(("m/s^2", "g", "mg", "ug", "Gal", "mGal", "ft/s^2"), FORCE),
     **dict.fromkeys(("deg/s", "deg/h", "rad/s", "mdeg/s", "rev/min"), RATE),
@@ -138,7 +139,8 @@ _UNIT_BEFORE_AXIS = {  # accelerometer_m_s2[0], gyro_rad[0] of a rate
 }
 _TRIADS = {
     quantity: re.compile(
-        rf"^({words})_?(?:(?:{_QUALIFIERS})_)?(?:(?P<unit>{_UNIT_BEFORE_AXIS[quantity]})_)?(axis_|achse_)?(?P<axis>[xyz012])(_|$)"
+        rf"^({words})_?(?:(?:{_QUALIFIERS})_)?(?:\d+_?(?=[xyz]))?(?:(?P<unit>{_UNIT_BEFORE_AXIS[quantity]})_)?(axis_|achse_)?"
+        "(?P<axis>[xyz012])(_|$)"  # a number before the letter of an axis is that of the sensor, accel_2_x
     )
     for quantity, words in ((FORCE, _FORCE_WORDS), (RATE, _RATE_WORDS))
 }
@@ -288,9 +290,8 @@ def _triad_by_word(words: str) -> tuple[str, str, str] | None:
     if NOT_A_TRIAD.intersection(parts):
         return None
     for quantity, match, rest in _matches(words, _TRIADS):
-        between = match["unit"] or ""
-        between = {"rad": "rad_s", "deg": "deg_s"}.get(between, between)
-        return quantity, AXIS[match["axis"]], unit_written(_rest(rest, match)) or _UNITS.get(between, "")
+        unit = unit_written(_rest(rest, match)) or _UNITS.get(match["unit"] or "", "")
+        return quantity, AXIS[match["axis"]], f"{unit}/s" if quantity == RATE and unit in _TURNED else unit
     for quantity, axis_first, rest in _matches(words, _AXIS_FIRST):
         return quantity, AXIS[axis_first[1]], _UNITS.get(_rest(rest, axis_first), "")
     letter = _LETTER_AND_UNIT.match(words)  # AsX (deg/s): whatever it is called, the unit says what it is

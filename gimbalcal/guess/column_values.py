@@ -141,9 +141,10 @@ def _differ_in_axis(triple: Sequence[str]) -> bool:
 
 
 def changes_direction(triple: Sequence[Array]) -> bool:
-    """Return whether a vector points elsewhere now and then."""
-    length = np.maximum(_length(triple), 1e-300)
-    return any(np.ptp(x / length) > MAX_GRAVITY_ERROR for x in triple)
+    """Return whether a vector points elsewhere now and then; one of no length points nowhere."""
+    length = _length(triple)
+    read = length > 0
+    return bool(read.any()) and any(np.ptp(x[read] / length[read]) > MAX_GRAVITY_ERROR for x in triple)
 
 
 def _returns_to_a_level(x: Array) -> bool:

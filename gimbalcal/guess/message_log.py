@@ -2,7 +2,7 @@
 
 Flight controllers and telephones write messages, each with a word in front that says what follows ("IMU, 61234567, 0,
 0.01, ..."); terminals write the time of arrival before a line, receivers a checksum behind it, and programs a name
-beside each number ("ax: 0.1, ay: 0.2", "Ax 0.1 Ay 0.2", "Ax0.1 Ay0.2").
+beside each number ("ax: 0.1, ay: 0.2", "Ax 0.1 Ay 0.2", "Ax0.1 Ay0.2"), as ROS does in lines of their own.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ _VECTOR = (  # accel=(9480, -5408, -12188), GYRO: X=0.1,Y=-0.2,Z=0.3
         r"(?<!\w)([A-Za-z]\w*)\s*:\s*" + r"[\s,;]+".join(rf"{a}\s*[=:]\s*({_VALUE})" for a in "XYZ"), re.IGNORECASE
     ),
 )
+_FIELD = re.compile(rf"(\s*)(\w+):\s*({_VALUE})?\s*$")  # of a message that a line of dashes ends
 _KIND = re.compile(r"[$%]?[A-Za-z][\w-]*:?")
 _COMMENT = ("#", "!", "//")
 
@@ -58,6 +59,8 @@ def tables_in(path: Path, head: Sequence[str]) -> tuple[dict[str, list[str]], in
 
     head: the first lines of the file. Raises InputError where messages hold no accelerometers.
     """
+    documents = 2 * sum(bool(_FIELD.match(line)) for line in head) > len(head) and "---" in head
+    head = _documents(head) if documents else head
     lines_of_text = [line for line in head if line.strip() and not line.startswith(_COMMENT)]
 
     def usual(test: Callable[[str], object]) -> bool:
@@ -68,6 +71,7 @@ def tables_in(path: Path, head: Sequence[str]) -> tuple[dict[str, list[str]], in
     if not lines_of_text or not (arrived or summed or paired or at is not None):
         return {}, 0
     lines = path.read_text(encoding=encoding_of(path), errors="replace").splitlines()
+    lines = _documents(lines) if documents else lines
     if arrived:
         lines = _without_arrows(lines)
     if summed:
@@ -78,6 +82,21 @@ def tables_in(path: Path, head: Sequence[str]) -> tuple[dict[str, list[str]], in
         skipped += sum(len(message.rows) for tag, message in messages.items() if paired and tag not in chosen)
         return {tag: _lines(message) for tag, message in chosen.items()}, skipped
     return ({"": lines} if arrived or summed else {}), 0
+
+
+def _documents(lines: Sequence[str]) -> list[str]:
+    """Return a line of names beside numbers for each message of ROS, whose fields stand indented below one another."""
+    out: list[str] = []
+    pairs: list[str] = []
+    above: list[tuple[int, str]] = []  # indent and name of the fields that hold the next one
+    for line in (*lines, "---"):
+        if field := _FIELD.match(line):
+            indent = len(field[1])
+            above = [*(each for each in above if each[0] < indent), (indent, field[2])]
+            pairs += [f"{'_'.join(name for _, name in above)}: {field[3]}"] if field[3] else []
+        elif line.startswith("---"):
+            out, pairs = [*out, ", ".join(pairs)] if pairs else out, []
+    return out
 
 
 def _split(line: str) -> list[str]:

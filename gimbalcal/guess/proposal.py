@@ -361,7 +361,8 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         proposal = _in_units(chosen, context)
     notes = dict(proposal.notes)
     if runner_up[0] < cost + MIN_MARGIN:
-        units = {g.quantity: g.unit for g in runner_up[1].guesses.values() if g.quantity in ("time", RATE)}
+        other = runner_up[1].guesses
+        units = {g.quantity: other[n].unit for n, g in chosen.guesses.items() if n in other and other[n].unit != g.unit}
         words = " and ".join(f"{quantity.replace('_', ' ')} in {unit}" for quantity, unit in units.items())
         options = " ".join(f"--unit {quantity}={unit}" for quantity, unit in units.items())
         notes["unit"] = f"the numbers hardly distinguish it from {words}: state it, {options}"

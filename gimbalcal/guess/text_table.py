@@ -315,7 +315,7 @@ def _names(above: Sequence[str], mark: str, width: int, row: Sequence[str]) -> t
     """Return what the lines above the first row call its columns; none where no line has a word for each.
 
     The line with the most words that are known is taken, of equals the last. Units in a line below the names, and
-    groups of columns in a line above them, belong to the names.
+    groups of columns in a line above them, belong to the names; so does what a line below holds for the first alone.
     """
     filled = 1 + max((i for i, cell in enumerate(row) if cell.strip()), default=0)
     best: tuple[int, int, tuple[str, ...]] = (-1, -1, ())
@@ -329,6 +329,9 @@ def _names(above: Sequence[str], mark: str, width: int, row: Sequence[str]) -> t
     if at < 0:
         return ()
     upper, lower = (_padded_cells(above[i], mark, width) if 0 <= i < len(above) else () for i in (at - 1, at + 1))
+    first, *others = _cells(above[at + 1], mark) if 0 <= at + 1 < len(above) else [""]
+    if not names[0] and not any(map(str.strip, others)):  # as data frames with groups of columns write their index
+        names = (first.strip(), *names[1:])
     repeated = len(set(names)) < 0.7 * len(names)
     if repeated and upper and any(map(_holds_letters, upper)):
         groups = list(upper)

@@ -62,7 +62,10 @@ class _Stretch:
 
 def is_guide_log(head: Sequence[str]) -> bool:
     """Return whether the first lines of a file are those of a guide log."""
-    return any(line.startswith((_BEGINS, "PHD2 version", _HEADING)) for line in head)
+    frames = any(
+        line.startswith(_HEADING) and ",dx,dy," in line for line in head
+    )  # optical trackers number theirs, too
+    return frames or any(line.startswith((_BEGINS, "PHD2 version")) for line in head)
 
 
 @importer("phd2", "latitude", "stretch")

@@ -760,3 +760,85 @@ def test_four_voltages_at_rest_are_no_accelerometers(tmp_path):
     path = rows(tmp_path / "tilts.txt", "", np.arange(2000.0), *volts.T, mark=" ")
     with refused():
         propose_recording([path], rate=10.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "guess"),
+    [
+        ("all_accel_2_x", ("specific_force", "x", "")),
+        ("acc68Z", ("specific_force", "z", "")),
+        ("gyro_1_y", ("angular_rate", "y", "")),
+        ("bmi160_g_x[mDeg]", ("angular_rate", "x", "mdeg/s")),
+        ("Gyro Z (deg)", ("angular_rate", "z", "deg/s")),
+    ],
+)
+def test_the_number_of_a_unit_and_a_rate_without_its_seconds(name, guess):
+    found = by_name(name)
+    assert found is not None
+    assert (found.quantity, found.axis, found.unit) == guess
+
+
+def test_the_second_of_two_units_that_are_numbered_is_named(tmp_path):
+    t, f, w = turned()
+    head = "time,gyro_2_x,gyro_2_y,gyro_2_z,acc_2_x,acc_2_y,acc_2_z,acc_1_x,acc_1_y,acc_1_z"
+    found = propose_recording([rows(tmp_path / "two.csv", head, t, *(w.T * D), *f.T, *f.T)])
+    same(found, t, f, w)
+    assert found.notes["further"].startswith("acc_1_x, acc_1_y, acc_1_z are of another unit")
+
+
+def test_places_of_markers_that_are_lost_now_and_then_are_no_accelerometers(tmp_path):
+    """An optical tracker writes zeros where it sees no marker, which is no direction that the marker turned to."""
+    t = np.arange(900) / 300
+    turned_by = np.radians(20 * np.sin(2 * np.pi * t))
+    xyz = np.stack([-600 + 50 * np.cos(turned_by), -150 + 50 * np.sin(turned_by), np.full_like(t, 1726.0)])
+    xyz = xyz + np.random.default_rng(2).normal(0, 0.02, (3, 900))
+    lost = np.where(t < 0.5, 0.0, xyz)
+    head = "Frame,Time,Arm - 1 X,Arm - 1 Y,Arm - 1 Z,Arm - 2 X,Arm - 2 Y,Arm - 2 Z"
+    with refused():
+        propose_recording([rows(tmp_path / "tracker.csv", head, np.arange(1.0, 901), t, *lost, *(xyz + 40.0))])
+
+
+def test_motion_without_gravity_is_of_no_unit(tmp_path):
+    """What a telephone calls its linear acceleration is 0.9 m/s^2 in most rows, and of no one length as gravity is."""
+    rng = np.random.default_rng(5)
+    f = 0.57 * rng.normal(size=(5000, 3)) * (1 + np.sin(np.arange(5000) / 300))[:, None]
+    head = ",".join(f"Linear Acceleration {axis} (m/s^2)" for axis in "xyz")
+    with refused():
+        propose_recording([rows(tmp_path / "Accelerometer.csv", f"Time (s),{head}", np.arange(5000) / 220, *f.T)])
+
+
+def test_seconds_since_1970_that_go_back_once_are_seconds(tmp_path):
+    t = 1387624660.0 + 4 * np.arange(500)
+    t[400:] -= 1500
+    f, _ = at_rest(500)
+    with refused():
+        propose_recording([rows(tmp_path / "accel.csv", "UNIX_TIMESTAMP(ts),x,y,z", t, *f.T, cell="{:.12g}")])
+
+
+def test_the_unit_of_a_clock_is_not_asked_for_where_the_rate_was_given(tmp_path):
+    f, w = at_rest(160)
+    found = propose_recording([rows(tmp_path / "short.csv", "ax,ay,az,gx,gy,gz", *f.T, *w.T)], rate=40.0)
+    assert "time" not in found.notes.get("unit", "")
+
+
+def test_the_index_of_a_data_frame_is_named_below_the_names_of_its_columns(tmp_path):
+    t, f, w = turned()
+    head = ",accel,accel,accel,gyro,gyro,gyro\n,x,y,z,x,y,z\ntime,,,,,,"
+    found = propose_recording([rows(tmp_path / "frame.csv", head, t, *f.T, *w.T)])
+    same(found, t, f, w)
+    assert found.guesses["time"].why.startswith("its name")
+
+
+def test_messages_of_ros_that_were_printed_are_a_table(tmp_path):
+    t, f, w = turned()
+    axes = "\n".join(f"  {a}: {{:.7g}}" for a in "xyz")
+    message = (
+        "header: \n  seq: {:.0f}\n  stamp: \n    secs: {:.0f}\n    nsecs: {:.0f}\n  frame_id: imu\n"
+        f"angular_velocity: \n{axes}\nlinear_acceleration: \n{axes}\n"
+        "linear_acceleration_covariance: [0.0, 0.0, 0.0]\n---\n"
+    )
+    whole, rest = np.divmod(np.round(1e9 * t), 1e9)
+    each = zip(range(len(t)), 1.7e9 + whole, rest, *w.T, *f.T, strict=True)
+    path = tmp_path / "echo.txt"
+    path.write_text("".join(message.format(*row) for row in each), encoding="utf-8")
+    same(propose_recording([path]), t, f, w)
