@@ -173,7 +173,7 @@ def _attitude(recording: Recording) -> Array | None:
     if not recording.platform.axes or not recording.has(ANGLE):
         return None
     angles = recording.angles()
-    return np.asarray(recording.platform.attitude(np.array([angles[d.start] for d in dwells(recording)])))
+    return np.asarray(recording.platform.attitude(angles[[d.start for d in dwells(recording)]]))
 
 
 def _mean_rates(time: Array, y: Array) -> tuple[Array, Array]:

@@ -243,7 +243,12 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
         if referenced is not None:
             return _beside_reference(referenced, context.noting("rows", note), above)
         context = context.noting("attitude", note)
-    return _multi_position(log, context, above)
+    try:
+        return _multi_position(log, context, above)
+    except _MovingUnitError:
+        if not (table := turned_by_table(log)):
+            raise
+        return _recording_on_table(table, context)
 
 
 def _pointing(path: Path, table: Table, title: str, place: StatedByUser) -> Proposal | None:

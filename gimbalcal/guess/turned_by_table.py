@@ -134,7 +134,8 @@ def gravity_is_constant(log: Log) -> bool:
 def orientation_note(log: Log) -> str:
     """Return how the orientation of the table on the Earth follows, as an aside."""
     if log.has(FORCE):
-        return " about the vertical: --method rate-table; the accelerometers show which way is up"
+        about = "the vertical" if gravity_is_constant(log) else "an axis that is not vertical"
+        return f" about {about}: --method rate-table; the accelerometers show which way is up"
     return "; without accelerometers nothing shows how it stands on the Earth"
 
 

@@ -44,7 +44,7 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import BENCH
 from gimbalcal.recording import Recording
 from gimbalcal.recording.dwell import PAUSE_STEPS
-from gimbalcal.recording.record import RATE, RATES
+from gimbalcal.recording.record import ANGLE, RATE, RATES
 from gimbalcal.rotation import (
     cross_matrix,
     exponential,
@@ -109,12 +109,14 @@ class Reference:
 
 
 def reference_of(recording: Recording) -> Reference:
-    """The attitude in the rows that have one, but those that leap away for a row and back.
+    """The attitude in the rows that have one, or by the angles of the rig, but those that leap away for a row and back.
 
     InputError where there is none, or quaternions are no units.
     """
     axes = QUATERNION if ("attitude", "qw") in recording.channels else EULER
     if ("attitude", axes[0]) not in recording.channels:
+        if recording.platform.axes and recording.has(ANGLE):
+            return _without_leaps(recording.time, np.asarray(recording.platform.attitude(recording.angles())))
         raise InputError(
             f'{recording.title!r} has no attitude; add its columns to [columns]: quantity = "attitude", axis = "qw", '
             '"qx", "qy" and "qz", or "roll", "pitch" and "yaw"'

@@ -129,6 +129,18 @@ def test_about_the_vertical_gravity_tells_nothing_and_the_gyroscopes_do(tmp_path
     assert not any("gyroscopes were not checked" in remark for remark in found.recording.remarks)
 
 
+def test_a_hinge_that_swings_all_the_time_is_a_table_about_a_level_axis(tmp_path):
+    """No rest is found, and gravity turns with the unit; the encoder is the angle that its gyroscopes felt."""
+    angle = np.abs((50 * STEP * np.arange(3000) + 90) % 360 - 180)
+    platform = Platform("own", (Axis("table", "x"),))
+    f = platform.attitude(np.radians(angle)[:, None]) @ [0.0, 0.0, 9.81]
+    f = f + np.random.default_rng(6).normal(0, 0.05, f.shape)
+    force = {f"acc_{a}": f[:, i] for i, a in enumerate("xyz")}
+    found = propose_recording([log(tmp_path / "a.csv", felt(platform, angle[:, None]), **force, encoder=angle)])
+    assert (found.recording.kind, chain(found.recording)) == ("rotation", [("table", "x", 1)])
+    golden_text(found.notes["kind"])
+
+
 def test_what_no_column_explains_is_said(tmp_path):
     angle = STEP * np.cumsum(profile())
     oblique = felt(

@@ -1,6 +1,7 @@
 """A moving gyroscope against an attitude: truth comes back with honest sigmas, and so do lag and mounting."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gimbalcal.estimate.gyroscopes.against_attitude import gyroscopes_against_attitude
-from gimbalcal.platform import BENCH
+from gimbalcal.platform import BENCH, Axis, Platform
 from gimbalcal.recording import Recording, Site, read, write
 from gimbalcal.rotation import exponential, frame_rotation
 from gimbalcal.views.attitude import reference_of
@@ -98,6 +99,19 @@ def test_lag_mounting_and_noise_are_told():
     np.testing.assert_allclose(told["mounting"], MOUNTED, atol=4e-3)
     assert told["noise_arcmin"] == pytest.approx(np.degrees(NOISE) * 60, rel=0.2)
     golden_text(made().stages[0].in_words)
+
+
+def test_the_angles_of_a_rig_are_a_reference():
+    """A table that moves all the time, for which the method of steady rates names this one."""
+    whole, rig = recording(every=1), Platform("own", (Axis("inner", "x"), Axis("middle", "y"), Axis("outer", "z")))
+    C = reference_of(whole).C
+    roll, pitch, yaw = Rotation.from_matrix(np.swapaxes(C, -1, -2)).as_euler("ZYX").T[::-1]
+    channels = {k: x for k, x in whole.channels.items() if k[0] == "angular_rate"}
+    for axis, angle in zip(rig.axis_names, (roll, pitch, yaw), strict=True):
+        channels["gimbal_angle", axis] = np.unwrap(angle)
+    units = {key: "rad/s" if key[0] == "angular_rate" else "rad" for key in channels}
+    on_a_rig = replace(whole, platform=rig, channels=channels, units=units)
+    np.testing.assert_allclose(reference_of(on_a_rig).C, C, atol=1e-9)
 
 
 def test_what_is_corrected_agrees_with_the_attitude():
