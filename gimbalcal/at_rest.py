@@ -36,6 +36,7 @@ UNITS: Mapping[str, tuple[str, str, str]] = {
 }
 MAX_LATE = 0.01  # of the rows, that a clock without jitter stamps late because rows before them are missing
 MAX_WAIT = 2.5  # steps, that such a row is late
+MIN_CROSSING_S = 1.0  # before which no sensor's random walk exceeds its white noise: the unit moves
 
 
 @dataclass(frozen=True)
@@ -179,6 +180,12 @@ class Channel:
         if not significant:
             return Coefficient(nan, nan, float(self.printed(most, part)), unit)
         return Coefficient(float(self.printed(root, part)), float(self.printed(spread / (2 * root), part)), nan, unit)
+
+    @property
+    def moves(self) -> bool:
+        """Return whether its random walk exceeds its white noise within `MIN_CROSSING_S`."""
+        white, _, walk = allan_law(np.array([MIN_CROSSING_S]))[0] * self.fitted.square
+        return bool(self.coefficient(2).significant and self.curve.step < MIN_CROSSING_S and walk > white)
 
     @property
     def result(self) -> ChannelNoise:
@@ -345,6 +352,12 @@ def in_words(channels: tuple[Channel, ...]) -> str:
     if late:
         tau = max(c.curve.tau[c.fitted.first] for c in channels if c.name in late)
         sentence += f"; {', '.join(late)} only from {tau:.3g} s on, as behind a filter"
+    moved = [c.name for c in channels if c.moves and c.name not in unmodelled]
+    if moved:
+        sentence += (
+            f"; the random walk of {', '.join(moved)} exceeds the white noise within {MIN_CROSSING_S:g} s, as of a "
+            "unit in the hand or on a soft stand: it is motion, not noise of a sensor"
+        )
     return sentence
 
 

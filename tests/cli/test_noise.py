@@ -114,3 +114,15 @@ def test_a_header_states_nothing_of_a_curve_that_is_no_white_noise():
     words = in_words(channels)
     golden_text(words)
     assert "(x)" not in words.partition("accelerometers: ")[2].partition(";")[0]  # its numbers are of no law
+
+
+def test_the_random_walk_of_a_unit_in_the_hand_is_motion():
+    """That of a sensor exceeds its white noise after many seconds; a hand changes by more from the first on."""
+    r, rng = unit(), np.random.default_rng(11)
+
+    def walking(size):
+        walk = size * UG * np.sqrt(0.02) * np.cumsum(rng.standard_normal(len(r.time)))
+        return in_words(noise_at_rest(r.with_channels({FORCE_X: r.channels[FORCE_X] + walk})))
+
+    golden_text(walking(1000.0).rpartition("; ")[2])  # ug/sqrt(s), which is 173 ug/sqrt(Hz) after a second
+    assert "motion" not in walking(30.0)
