@@ -333,7 +333,8 @@ run is that of the program as it was, the last run that after what it showed had
 were chosen before any of them was run: in their first runs eight, eight, four, seven, eight, eleven and nine are right
 or honestly refused for the true reason, and none is falsely green or a crash (one recording of the last group was first
 run after a correction). Of an eighth, of fourteen, seven are, two are wrong, and one is a crash; of a ninth, of
-fourteen, six are, and one is wrong. The verdicts compare a run with the independent fit, by hand:
+fourteen, six are, and one is wrong; of a tenth, of twenty-five, fifteen are, and one is wrong. The verdicts compare a
+run with the independent fit, by hand:
 
 * *right*: as the independent fit;
 * *half right*: usable after a correction by the user, or with one wrong statement;
