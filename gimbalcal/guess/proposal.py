@@ -40,6 +40,7 @@ from gimbalcal.guess.stored_arrays import arrays_tables, is_text
 from gimbalcal.guess.text_table import Table, head_of, tables_of
 from gimbalcal.guess.turned_by_table import (
     TurnedLog,
+    gravity_follows,
     gravity_is_constant,
     missing_table,
     orientation_note,
@@ -246,7 +247,8 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     try:
         return _multi_position(log, context, above)
     except _MovingUnitError:
-        if not (table := turned_by_table(log)):
+        table = turned_by_table(log)
+        if not table or not gravity_follows(table):
             raise
         return _recording_on_table(table, context)
 

@@ -25,10 +25,10 @@ from gimbalcal.guess.column_names import (
     rate_word,
     unit_written,
 )
-from gimbalcal.guess.column_values import RATE_UNIT_COSTS, changes_direction
+from gimbalcal.guess.column_values import MAX_GRAVITY_ERROR, RATE_UNIT_COSTS, changes_direction
 from gimbalcal.guess.gimbal_chain import MAX_AXES, MAX_COLUMNS, QUARTER_TURNS, chains, encoder_angles, usual_platform
 from gimbalcal.guess.log import Guess, Log
-from gimbalcal.number import Array
+from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.record import FORCE, RATE
@@ -129,6 +129,19 @@ def gravity_is_constant(log: Log) -> bool:
         return False
     whole = np.all([np.isfinite(x) for x in force], axis=0)
     return bool(whole.any()) and not changes_direction([x[whole] for x in force])
+
+
+def gravity_follows(table: TurnedLog) -> bool:
+    """Return whether the accelerometers of a log feel one gravity of the base, as the axes of the table turn it."""
+    log = table.log
+    angle_of = {log.guesses[n].axis: to_si(log.columns[n], log.guesses[n].unit) for n in log.names("gimbal_angle")}
+    f = np.stack(log.values(FORCE), axis=-1)
+    C = table.platform.attitude(np.stack([angle_of[a] for a in table.platform.axis_names], axis=-1))
+    whole = np.isfinite(f).all(axis=1) & np.isfinite(C).all(axis=(1, 2))
+    f, C = f[whole], C[whole]
+    gravity = np.median(apply_matrix(C.swapaxes(-1, -2), f), axis=0)
+    off = np.linalg.norm(f - apply_matrix(C, gravity), axis=1)
+    return bool(np.median(off) < MAX_GRAVITY_ERROR * np.linalg.norm(gravity))
 
 
 def orientation_note(log: Log) -> str:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.checks.driven_rates import driven_turn
+from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import axis_word, by_name
 from gimbalcal.guess.proposal import propose_recording
 from gimbalcal.platform import KNOWN, Axis, Platform
@@ -139,6 +140,9 @@ def test_a_hinge_that_swings_all_the_time_is_a_table_about_a_level_axis(tmp_path
     found = propose_recording([log(tmp_path / "a.csv", felt(platform, angle[:, None]), **force, encoder=angle)])
     assert (found.recording.kind, chain(found.recording)) == ("rotation", [("table", "x", 1)])
     golden_text(found.notes["kind"])
+    force["acc_x"], force["acc_z"] = force["acc_z"], force["acc_x"]  # gravity turns about another axis
+    with pytest.raises(InputError, match="no rest is found"):
+        propose_recording([log(tmp_path / "b.csv", felt(platform, angle[:, None]), **force, encoder=angle)])
 
 
 def test_what_no_column_explains_is_said(tmp_path):
