@@ -25,7 +25,7 @@ from gimbalcal.inference.algebra import beyond, eigh, logsumexp, orthonormal
 from gimbalcal.number import Array
 
 MIN_SHARE_OF_COLUMN = 1e-3  # a column of which less is left rests on second-order terms and on noise in its own inputs
-CHUNK = 64  # columns
+CHUNK_BYTES = 16 << 20  # of rows that are formed at a time
 SPARE_COLUMNS = 200  # columns that may be put behind others later: memory that is not written takes none
 
 
@@ -82,16 +82,17 @@ def stacked_rows(
     """Reduced Z (R, z), X (R, P), y (R, m) to `ReducedRows` whose first `low` rows are coloured."""
     Q = orthonormal(Z)
     q, P = Q.shape[1], X.shape[1]
-    y = beyond(Q, y)
-    A = np.empty((len(X), q + P + y.shape[1]))  # a day of data has gigabytes of columns: one copy, a few at a time
-    A[:, :q], A[:, q + P :] = Q, y
-    for k in range(0, P, CHUNK):
-        part = X[:, k : k + CHUNK]
-        A[:, q + k : q + k + part.shape[1]] = beyond(Q, part, MIN_SHARE_OF_COLUMN)
-    tail = A[low:]
-    if not len(tail):
-        return ReducedRows(A, np.broadcast_to(0.0, (A.shape[1], A.shape[1])), q, P, Q, y, scale, unit)
-    return ReducedRows(A[:low].copy(), tail.T @ tail, q, P, Q, y, scale, unit)
+    y, taken, n = beyond(Q, y), Q.T @ X, q + P + y.shape[1]
+    visible = (taken**2).sum(axis=0) < (1 - MIN_SHARE_OF_COLUMN**2) * np.einsum("rp,rp->p", X, X)
+    coloured, high = np.empty((low, n)), np.broadcast_to(0.0, (n, n))
+    step = max(1, CHUNK_BYTES // (8 * n))
+    for k in range(0, len(X), step):  # a day of data has gigabytes of columns: no second copy of white rows
+        part, cut = slice(k, k + step), max(low - k, 0)
+        A = np.concatenate([Q[part], np.where(visible, X[part] - Q[part] @ taken, 0.0), y[part]], axis=1)
+        coloured[part], white = A[:cut], A[cut:]
+        if len(white):
+            high = high + white.T @ white
+    return ReducedRows(coloured, high, q, P, Q, y, scale, unit)
 
 
 def append_columns(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:

@@ -71,8 +71,7 @@ def scan_data(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, e
     if explained is not None and explained.shape[1]:
         Q = np.concatenate([Q, orthonormal(beyond(Q, explained) / np.abs(explained).max())], axis=1)
     fitted = np.linalg.qr(node.whiten(Q))[0]
-    data = np.concatenate([node.whiten(rows.y[:, :1]), rng.standard_normal((len(Q), DRAWS))], axis=1)
-    data -= fitted @ (fitted.T @ data)
+    data = beyond(fitted, node.whiten(rows.y[:, :1])), rng.standard_normal((len(Q), DRAWS))
     cells: list[Cell] = []
     scores, ranks = [np.zeros((0, 1 + DRAWS))], [np.zeros(0)]
     for batch, X in _scan_cells(o):
@@ -106,11 +105,14 @@ def _tail_probability(statistic: Array, dof: Array | float) -> Array:
     return np.asarray(np.where(dof > 0, gammaincc(np.maximum(dof, 1) / 2, statistic / 2), 1.0))
 
 
-def _cell_scores(X: Array, data: Array, cells: int) -> tuple[Array, Array]:
-    """Misfit (cells, m) of white data (R, m) that each cell's columns, equal parts of X (R, p), take away; ranks."""
+def _cell_scores(X: Array, data: Sequence[Array], cells: int) -> tuple[Array, Array]:
+    """Misfit (cells, m) of m columns of white data that each cell's columns, equal parts of X (R, p), take away; ranks.
+
+    X is cleared of the calibration, of which the data may hold any amount.
+    """
+    b = np.concatenate([X.T @ part for part in data], axis=1).reshape(cells, -1, 1 + DRAWS)
     X = X.reshape(len(X), cells, -1)
     G = np.einsum("rci,rcj->cij", X, X)
-    b = (X.reshape(len(X), -1).T @ data).reshape(cells, X.shape[-1], -1)
     lam = np.linalg.eigvalsh(G)
     rank = (lam > RANK * np.maximum(lam.max(axis=-1, keepdims=True), 1e-12)).sum(axis=-1)
     return np.asarray((b * (np.linalg.pinv(G, rcond=RANK, hermitian=True) @ b)).sum(axis=1)), rank
