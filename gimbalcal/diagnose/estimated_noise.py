@@ -34,7 +34,6 @@ from gimbalcal.diagnose.search.stepwise import (
     ln_evidence,
     ln_odds,
     log_shares,
-    refit_to_view,
     result_of,
     stepwise,
 )
@@ -129,10 +128,6 @@ def _view_diagnosis(
     whether a cause has been removed for a formula.
     """
     v = c.start.view
-    if v.finer is not None:
-        progress("refitting at the full resolution")
-        v = v.finer()
-        c = refit_to_view(v, c)
     model = with_constants(c.end, {j.cause.effect for j in verdicts})
     findings = drifts_as_one([finding_of_view(model, j) for j in verdicts])
     shapes = tuple(Shape(f"{s.channel if v.added else v.channels[0][0]} {s.axis}".strip(), s.rival) for s in c.shapes)

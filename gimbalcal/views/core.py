@@ -99,7 +99,6 @@ class View:
     acting: frozenset[str] | None = None  # effects that act in these rows, where a joint model holds others as well
     prior_factor: float = 1.0  # times the sizes of the unit's grade
     reference: Callable[[Sequence[Effect]], Rows] | None = None
-    finer: Callable[[], View] | None = None  # the same rows from physics in finer steps, for the last fit
     relinearise: Callable[[Effect, Sequence[Parameter]], View] | None = None  # with this in the model as well
     calibrate: Callable[[Sequence[Effect], Sequence[Parameter]], Calibration] | None = None  # a model, to convergence
     added: Callable[[str, str, Array], Array] | None = None  # columns of a basis added to a sensor that is no channel

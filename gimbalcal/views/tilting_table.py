@@ -25,33 +25,35 @@ HELD_OUT_S = 10.0  # s; rows closer than this are held out together, the table m
 MIN_BLOCKS = 3  # means that can differ from one another in more than a trend
 MAX_TILT = 0.2  # of gravity, from the mean force to that of any block: beyond it a table is no longer nearly level
 PRIOR_FACTOR = 3.0  # times the sizes of one unit: sensors of different makers, bolted together
-# A tilt that is added up from mean rates in steps h is off as by a lever arm of g h^2 / 12, 1.3 mm of the coarse one:
-# now and then a clean table is said to have one (bench_clean). Subtracting a twelfth of the second differences of the
-# rates removes the error. Before that, the answer on the real table of tests/real/test_tilt_table.py must no longer
-# depend on the rounding in columns of a constant force: where they are exactly zero, it is scale factors of 66 %.
-COARSE_STEP_S, FINE_STEP_S = 0.04, 0.01  # s; steps at which the physics is evaluated, for search and last fit
+STEP_S = 0.04  # s; at which the physics is evaluated
 SIZE_EFFECT = "accelerometer_lever_arm"  # of which a table that tilts about one axis shows what lever_arm is
 TABLE = Measurement(
     "table", "ug", "stretches of ten seconds", channels="the force", channel="the force along {axis}", acts_on=(FORCE,)
 )
 
 
-def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: float = COARSE_STEP_S) -> View:
-    """Return the view of a unit that starts level and is tilted, in means over `BLOCK_S`; the mean force is unknown.
+def tilting_table(recording: Recording, baseline: Sequence[str] = ()) -> View:
+    r"""Return the view of a unit that starts level and is tilted, in means over `BLOCK_S`; the mean force is unknown.
 
-    What a lever arm makes of a block's mean is the change of rate between its ends: means of the rate over `step` blur
-    these, so that the sizes come from fine steps, while coarse ones distinguish the causes. Raises InputError for a
-    table that is logged too shortly or in counts, and for a unit that turns or accelerates far more than a table.
+    The physics is evaluated in means over h = `STEP_S`. A tilt that the trapezoid rule adds up from mean rates is late
+    by a share of their change, which looks like a lever arm of g h^2 / 12. It is the mean tilt of a step, to fourth
+    order, of the rates
+
+    .. math:: \omega_k - (\omega_{k+1} - 2 \omega_k + \omega_{k-1}) / 12
+
+    Raises InputError for a table that is logged too shortly or in counts, and for a unit that turns or accelerates far
+    more than a table.
     """
     _refuse_unsuitable(recording)
-    fine = means_over_duration(recording, step)
+    fine = means_over_duration(recording, STEP_S)
     rate, y = fine.triad(RATE), fine.triad(FORCE)  # what is read of the turning, as nothing else measures it
+    rate[1:-1] = rate[1:-1] - np.diff(rate, 2, axis=0) / 12
     s = stimulus_from_truth(fine, -fine.site.gravity * np.eye(3)[2] + 0 * rate, rate)
     size = _rows_in(fine, BLOCK_S)
     stages = frozenset({Stage.PLATFORM, *SENSOR_STAGES})
 
     def centred_means(X: Array) -> Array:
-        means = _means(X, size)
+        means = _means(X - X[:1], size)  # what is constant is exactly zero, and no column of rounding
         return np.asarray(means - means.mean(axis=0))
 
     def rows(effects: Sequence[Effect]) -> Rows:
@@ -70,7 +72,6 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = (), step: floa
         TABLE, channels=FORCES, **recording_fields(blocks), stimulus=s, evaluate=rows, stages=stages,
         baseline=tuple(baseline) or ACCELEROMETER_BIAS, gauge=frozenset({(SIZE_EFFECT, a) for a in MATRIX_AXES}),
         prior_factor=PRIOR_FACTOR, groups=np.arange(len(blocks.time)) // in_group, noise=NoiseModel(),
-        finer=(lambda: tilting_table(recording, baseline, FINE_STEP_S)) if step > FINE_STEP_S else None,
     )  # fmt: skip
 
 

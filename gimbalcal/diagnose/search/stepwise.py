@@ -38,6 +38,7 @@ from gimbalcal.views.core import Fit, View
 
 MAX_ROUNDS = 8
 RANK = 1e-12  # of the information about a parameter of the baseline: less is rounding
+NEAR = 5.0  # ln of odds behind the likeliest, within which rivals are fitted, and must then be ahead
 SWAP = 1.0  # ln of odds by which another cause must be likelier to take a place
 Key = tuple[str, str, str, str]
 
@@ -253,7 +254,9 @@ def swap_causes(
         if (cause, variant) not in out or (is_usual(cause, first.view.kind) and keep_usual):
             continue
         others = [c for c in out if c[0] != cause]
-        best = likeliest_missing(with_causes(first, others), memory, cause)
+        model = with_causes(first, others)
+        s = search(model, nodes=possible_noises(model, memory))
+        best = likeliest_after_refit(first, others, s, likeliest_round(s, cause), cause)
         (same, other), *more = best.causes
         if same.key == cause.key and same.scanned and not more:  # another of the peaks of a scan, beside these others
             out = [*others, (cause, other)]
@@ -261,6 +264,31 @@ def swap_causes(
             progress(f"{cause.in_words} is replaced by {', '.join(c.in_words for c, _ in best.causes)}")
             out = [*others, *best.causes]
     return out
+
+
+def likeliest_after_refit(
+    first: Fit, others: Sequence[SelectedCause], s: Search, best: Round, against: Candidate
+) -> Round:
+    """Return the best round, or of single causes a near rival that is ahead by as much once both are fitted.
+
+    The ranking is linear about a model without the cause. A cause of an impossible size may lead there, and only a fit
+    shows the size that it takes: scale factors of 66 % for two axes that are not parallel.
+    """
+    every = s.library.candidates
+    known = [h for h in s.hypotheses if not h.unknown(every)]
+    near = [h for h in known if len(h.members) == 1 and h.ln_weight > known[0].ln_weight - NEAR]
+    if not best.named or len(best.causes) > 1 or len(near) < 2:
+        return best
+    causes = [selected_causes(s, h.members) for h in near]
+    ln_weight = [
+        h.ln_weight - h.ln_bayes + ln_evidence(with_causes(first, [*others, *these]))
+        for h, these in zip(near, causes, strict=True)
+    ]
+    top = int(np.argmax(ln_weight))
+    if ln_weight[top] - ln_weight[0] <= NEAR:
+        return best
+    same = [w for w, these in zip(ln_weight, causes, strict=True) if against.key in {c.key for c, _ in these}]
+    return replace(best, causes=causes[top], lead=ln_weight[top] - max(same) if same else best.lead)
 
 
 def backward_eliminate(first: Fit, selected: Sequence[SelectedCause], progress: Progress) -> list[SelectedCause]:
@@ -355,13 +383,6 @@ def order_by_explanation(first: Fit, selected: Sequence[SelectedCause]) -> tuple
         best = int(np.argmin([m.scatter for m in models]))
         steps.append(Step(rest.pop(best), models[best]))
     return tuple(steps)
-
-
-def refit_to_view(v: View, c: SearchResult) -> SearchResult:
-    """Fit the same causes to another view of the same recording."""
-    first = start_with_baseline(v)
-    steps = order_by_explanation(first, c.causes)
-    return SearchResult(first, steps, c.shapes, steps[-1].model if steps else first, c.standard)
 
 
 def with_causes(model: Fit, selected: Sequence[SelectedCause]) -> Fit:

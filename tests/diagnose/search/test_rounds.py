@@ -65,11 +65,14 @@ def test_the_lead_is_over_the_best_that_holds_what_it_is_held_against(monkeypatc
 
 @pytest.mark.parametrize(("lead", "kept"), [(0.9, [A, B]), (1.1, [B, C])])
 def test_a_cause_gives_way_to_one_that_is_clearly_likelier(monkeypatch, lead, kept):
-    def likeliest(model, _memory, against):
+    def likeliest(model, against):
         assert against not in model
         return SimpleNamespace(lead=lead if against is A[0] else 0.0, causes=(C,))
 
-    monkeypatch.setattr(stepwise, "likeliest_missing", likeliest)
+    monkeypatch.setattr(stepwise, "possible_noises", lambda *_: [])
+    monkeypatch.setattr(stepwise, "search", lambda model, nodes: model)
+    monkeypatch.setattr(stepwise, "likeliest_round", likeliest)
+    monkeypatch.setattr(stepwise, "likeliest_after_refit", lambda _first, _others, _s, best, _against: best)
     monkeypatch.setattr(stepwise, "with_causes", lambda _first, selected: [c for c, _ in selected])
     monkeypatch.setattr(stepwise, "is_usual", lambda *_: False)
     assert stepwise.swap_causes(FIRST, [A, B], said) == kept

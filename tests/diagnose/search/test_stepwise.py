@@ -16,12 +16,15 @@ from gimbalcal.diagnose.search import stepwise as stepwise_search
 from gimbalcal.diagnose.search.ranking import log_priors, search
 from gimbalcal.diagnose.search.refit import refit, start_with_baseline
 from gimbalcal.diagnose.search.stepwise import (
+    NEAR,
+    SWAP,
     backward_eliminate,
     evidence_for,
+    likeliest_after_refit,
     likeliest_missing,
+    likeliest_round,
     ln_evidence,
     refine_constants,
-    refit_to_view,
     stepwise,
     with_causes,
 )
@@ -93,12 +96,22 @@ def test_a_tilted_base_and_a_bent_tube_are_taken_up():
 
 
 def test_the_first_step_takes_away_most():
-    v, c = view(12.0, -7.0, 15.0), found()
+    c = found()
     each = [with_causes(c.start, [s.cause]).rms for s in c.steps]
     assert each[0] == min(each) == c.steps[0].model.rms
-    again = refit_to_view(v, c)
-    assert [s.cause[0].label for s in again.steps] == [s.cause[0].label for s in c.steps]
-    assert again.end.rms == pytest.approx(c.end.rms, rel=1e-9)
+
+
+def test_a_near_rival_that_leads_in_the_ranking_gives_way_to_the_cause_that_fits():
+    first = start_with_baseline(view(12.0, -7.0))
+    s = search(first)
+    true, *others = [h for h in s.hypotheses if len(h.members) == 1 and not h.unknown(s.library.candidates)]
+    cause, rival = (s.library.candidates[h.members[0]] for h in (true, others[-1]))
+    for lead, expected in ((NEAR - 1, cause), (NEAR + 1, rival)):
+        leading = replace(others[-1], ln_weight=true.ln_weight + lead, ln_bayes=true.ln_bayes + lead)
+        ranked = replace(s, hypotheses=(leading, true))
+        best = likeliest_after_refit(first, [], ranked, likeliest_round(ranked, rival), rival)
+        assert [c.key for c, _ in best.causes] == [expected.key]
+        assert (best.lead > SWAP) == (expected is cause)
 
 
 def test_nothing_is_taken_up_where_nothing_is_missing():
