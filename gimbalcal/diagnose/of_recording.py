@@ -22,15 +22,18 @@ from gimbalcal.diagnose.answer import Diagnosis
 from gimbalcal.diagnose.estimated_noise import diagnose_selected, select_causes
 from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
+from gimbalcal.diagnose.laws.law_file import source_text
 from gimbalcal.diagnose.search.refit import start_with_baseline
 from gimbalcal.diagnose.verdict.verify import row_sigma
 from gimbalcal.diagnose.view_result import ViewDiagnosis
-from gimbalcal.effects import CATALOGUE, Effect, known_effect
+from gimbalcal.effects import CATALOGUE, Effect, known_effect, parameters, zero_effect
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES, followed_covariate
+from gimbalcal.effects.loading import temporarily_loaded
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers, norm_outliers_in_words
+from gimbalcal.estimate.fit import fit
 from gimbalcal.estimate.gyroscopes.rate_table import on_a_table
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
     MIN_RESTS,
@@ -312,8 +315,18 @@ def of_slews(request: DiagnosisRequest, calibration: Calibration, gyro: Sequence
 
 
 def found_at_rest(still: ViewDiagnosis) -> tuple[Effect, ...]:
-    """Return the model at rest where something beyond the baseline was found; else the turns determine more."""
-    return still.model.effects if still.findings and still.model is not None else ()
+    """Return the model at rest where a cause or a law was found in it; else the turns determine more.
+
+    A law of a sensor at rest holds while the unit turns: where it is not in the model there, the turns show it again.
+    """
+    if still.model is None or not (still.findings or still.laws):
+        return ()
+    if not still.laws:
+        return still.model.effects
+    with temporarily_loaded(f"law of {still.view.title} at rest", source_text(still.laws)) as ids:
+        sizes = [p for i in ids for p in parameters(CATALOGUE[i])]
+        absent = (*still.model.effects, *(zero_effect(CATALOGUE[i]) for i in ids))
+        return fit([still.view], (*still.model.parameters, *sizes), absent).effects
 
 
 def of_rotating_rig(request: DiagnosisRequest) -> Parts:

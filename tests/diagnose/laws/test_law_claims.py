@@ -39,7 +39,8 @@ from gimbalcal.report.diagnosis_page import diagnosis_report
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from gimbalcal.words.diagnosis_headline import headline
 from tests.benchmarks import unknown_hand, unknown_mount
-from tests.benchmarks.law_plants import corrected, misfit, parallactic
+from tests.benchmarks.law_plants import corrected, misfit, parallactic, simulated, size_of
+from tests.benchmarks.law_set import LAWS
 from tests.diagnose import plant, static_plant
 from tests.golden import golden_text
 from tests.paths import ROOT
@@ -500,3 +501,11 @@ def test_causes_that_every_rig_has_are_not_compared_with_formulas(monkeypatch):
     monkeypatch.setattr(law_claims, "search", None)
     assert usual
     assert causes_replaced_by_a_formula(result_of(o, ()), usual) == ((), frozenset())
+
+
+def test_a_law_of_rates_at_rest_is_in_the_model_of_the_turns():
+    """Without it the turns show the same law again, and two laws of one sensor correct it twice."""
+    law = LAWS["rotor unbalance squared"]
+    d = diagnose([simulated(766, law, size_of(766, law, 60.0))])
+    assert "turns" in d.fit["views"]
+    assert [(w.effect, set(w.variables)) for w in d.laws] == [("law_angular_rate_y", {"force_x", "force_z"})]
