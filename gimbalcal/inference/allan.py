@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gimbalcal.inference.algebra import nonnegative_least_squares
 from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 
@@ -205,14 +206,14 @@ def _weighted(c: AllanCurve, first: int, active: Sequence[int], discrepancy: flo
     """Return squares (3,) weighted with the covariance that they imply, that covariance, and -2 ln likelihood."""
     A = allan_law(c.tau)
     square = np.zeros(TERMS)
-    square[list(active)] = _nonnegative_least_squares(
+    square[list(active)] = nonnegative_least_squares(
         A[first:, active] / c.variance[first:, None], np.ones(len(A) - first)
     )[0]
     for turn in range(ITERATIONS):
         C = covariance(c, square) + np.diag((discrepancy * c.variance) ** 2)
         rows, y = _whitened_rows(c, first, C, active)
         new = np.zeros(TERMS)
-        new[list(active)], residual = _nonnegative_least_squares(rows, y)
+        new[list(active)], residual = nonnegative_least_squares(rows, y)
         move = np.max(np.abs(A @ (new - square)) / (A @ square))
         square = new if turn == 0 else (square + new) / 2  # half steps oscillate less
         if move < 1e-3:
@@ -225,12 +226,3 @@ def _whitened_rows(c: AllanCurve, first: int, C: Array, active: Sequence[int]) -
     L = np.linalg.cholesky(C[first:, first:])
     rows = np.linalg.solve(L, allan_law(c.tau)[first:][:, list(active)])
     return rows, np.linalg.solve(L, c.variance[first:])
-
-
-def _nonnegative_least_squares(A: Array, y: Array) -> tuple[Array, float]:
-    """Return the least squares without negative coefficients, and the norm of the residual."""
-    from scipy.optimize import nnls
-
-    size = np.linalg.norm(A, axis=0)
-    x, residual = nnls(A / size, y)
-    return x / size, float(residual)

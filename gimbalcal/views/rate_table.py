@@ -28,6 +28,7 @@ from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.effects.history import integral
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows, linearise
+from gimbalcal.inference.algebra import nonnegative_least_squares
 from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array
 from gimbalcal.platform import BENCH
@@ -192,13 +193,11 @@ def _sigma_of_means(series: Sequence[Array], lengths: Array, length: Array) -> A
     with a of white noise of the gyroscopes and b of the readouts, two of which make a mean rate. series: means (k, 3)
     [rad/s] of each stretch; lengths [s]: of the means of all series, one after the other.
     """
-    from scipy.optimize import nnls
-
     square = np.concatenate([np.diff(x, axis=0) ** 2 / 2 for x in series])
     inner = np.concatenate([np.arange(len(x)) < len(x) - 1 for x in series])
     T = lengths[inner]
     design = np.stack([np.ones(len(T)), 1 / T], axis=-1)  # of sigma^2 T, which is of one size
-    found = np.array([nnls(design, own * T)[0] for own in square.T])
+    found = np.array([nonnegative_least_squares(design, own * T)[0] for own in square.T])
     return np.sqrt(found @ np.stack([1 / length, 1 / length**2])).T
 
 

@@ -28,7 +28,7 @@ from gimbalcal.navigate.navigation_errors import Navigated
 from gimbalcal.navigate.space_stable_navigator import Aids
 from gimbalcal.navigate.summary import NavigationInputs, summary
 from gimbalcal.recording import Recording
-from gimbalcal.report import calibration_report
+from gimbalcal.report.calibration_page import calibration_report
 from gimbalcal.report.campaign_page import campaign_report
 from gimbalcal.report.diagnosis_page import diagnosis_report
 from gimbalcal.report.history_page import history_report

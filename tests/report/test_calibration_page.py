@@ -11,7 +11,7 @@ from gimbalcal.effects import CATALOGUE, Stage, parameters, with_values
 from gimbalcal.forward import accelerometers, linearise
 from gimbalcal.kinematics import stimulus_from_readings
 from gimbalcal.platform import BENCH, SPACE_STABLE_INERTIAL
-from gimbalcal.report import calibration_report
+from gimbalcal.report.calibration_page import calibration_report
 from gimbalcal.report.parameters import rows, stages
 from gimbalcal.report.residuals import by_position, over_time, setting_spread
 from tests.report.example import ARCSEC, NOISE, example
