@@ -338,7 +338,7 @@ run with the independent fit, by hand:
 
 * *right*: as the independent fit;
 * *half right*: usable after a correction by the user, or with one wrong statement;
-* *honest refusal*: refused for the true reason, or for a *false reason* where that is added; *refused* in the last run:
+* *honest refusal*: refused for the true reason, or for a *false reason* where that is added; *refused*:
   the recording is usable, or the reason is not the true one;
 * *false green*: called adequate where the independent fit denies it;
 * *wrong*: any other false statement, *silently* if no message pointed to it; *crash*: a defect of the program;
