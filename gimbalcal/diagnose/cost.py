@@ -39,8 +39,9 @@ EAST_NORTH_UP = standing_attitude(("east", "north", "up"))  # how a unit stands 
 def with_cost(recordings: Sequence[Recording], d: Diagnosis, progress: Progress = no_progress) -> Diagnosis:
     """The diagnosis with `cost` in each finding, where it can be computed: {hours, with_nmi, without_nmi, in_words}.
 
-    Largest errors of position, in n miles; where the run is one of the recordings, `uncalibrated_nmi` beside them, that
-    without any calibration; where it is made up, `with_nmi` is the one sigma that the calibration leaves open.
+    Values are the largest errors of position, in n miles. If the run is one of the recordings, `uncalibrated_nmi` is
+    added, the error without any calibration; for a simulated run, `with_nmi` is one sigma, by the covariance of the
+    calibration.
     """
     base = _navigated_base(recordings) if d.findings and d.calibration and d.without else None
     if base is None:
@@ -66,9 +67,9 @@ def _navigated_base(recordings: Sequence[Recording]) -> Recording | None:
 
 
 def _cost_of_effects(d: Diagnosis, base: Recording, measured: bool) -> Mapping[str, Cost]:
-    """The cost of each effect that was found and that the run shows; what all of them leave is navigated once.
+    """Return the cost of each effect found that acts in the run; the run corrected for all of them is navigated once.
 
-    measured: whether the base is a recording of its own, or made up.
+    measured: whether the base is a recording, not a simulated run.
     """
     whole = d.calibration
     assert whole is not None

@@ -94,7 +94,7 @@ def diagnose(
 
 
 def _with_effect_files(diagnosis: Diagnosis) -> Diagnosis:
-    """The diagnosis with the files of effects that were compared beside the catalogue's, and those that it holds."""
+    """The diagnosis with the effect files that were compared in addition to the catalogue, and those in use."""
     if not (compared := files_outside()):
         return diagnosis
     calibration = diagnosis.calibration
@@ -108,7 +108,7 @@ def _with_effect_files(diagnosis: Diagnosis) -> Diagnosis:
 
 
 def _with_question(diagnosis: Diagnosis, request: DiagnosisRequest, unit: Graded) -> Diagnosis:
-    """The diagnosis; where its refit has constants that no unit has, it asks whether that is so."""
+    """Return the diagnosis, with a question if constants of its refit are implausible for any unit."""
     if diagnosis.calibration is None:
         return diagnosis
     if diagnosis.outcome and diagnosis.verdict == "unexplained":
@@ -194,7 +194,7 @@ def _diagnose_sessions(request: DiagnosisRequest) -> Diagnosis:
 
 
 def _diagnosed_as_one(request: DiagnosisRequest) -> Diagnosis:
-    """Sessions or nights as one recording, and how far apart in time they were taken to be."""
+    """Diagnose sessions or nights as one recording, and state the assumed time between them."""
     both = join(request.recordings)
     diagnosis = diagnose_recording(request.of(both))
     if len(request.recordings) == 1:

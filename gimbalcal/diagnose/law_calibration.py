@@ -24,7 +24,7 @@ FILE = "law.py"  # that a diagnosis writes
 
 
 def with_laws(d: Diagnosis, request: DiagnosisRequest, grade: str | Fleet) -> Diagnosis:
-    """Return the diagnosis with a calibration that contains its laws and the known causes beside them.
+    """Return the diagnosis with a calibration that contains its laws and the known causes that were fitted with them.
 
     The constants of a law are fitted with all else, to the rows that were diagnosed. The catalogue holds a law during
     this fit alone, so that a law of one recording changes nothing for the next; commands take it by `--effects law.py`.
@@ -36,7 +36,7 @@ def with_laws(d: Diagnosis, request: DiagnosisRequest, grade: str | Fleet) -> Di
     request.progress("calibrating with the formula")
     try:
         terms, further = _model(request, recordings)
-        more = dict.fromkeys([*further, *(one for law in d.laws for one in (*law.beside, law.with_))])
+        more = dict.fromkeys([*further, *(one for law in d.laws for one in (*law.known_effects, law.with_))])
         with temporarily_loaded(f"{FILE} of {recordings[0].title}", text) as ids:
             calibration, _ = calibrate(recordings, terms=terms, more=list(more), grade=grade, progress=no_progress)
     except InputError as problem:

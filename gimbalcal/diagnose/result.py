@@ -41,7 +41,7 @@ class Estimate(Entry):
 
 @dataclass(frozen=True)
 class RecordingSize(Entry):
-    """The size that one of several recordings gives a finding: its number, significance, parameters."""
+    """The size of a finding by one of several recordings: the number of the recording, significance, parameters."""
 
     recording: int
     sigma: float
@@ -159,7 +159,7 @@ class LawResult(Entry):
     alternatives: tuple[str, ...]
     effect: str
     with_: str
-    beside: tuple[str, ...]
+    known_effects: tuple[str, ...]
     source: str = ""
     curve: LawCurve | None = None
 
@@ -244,7 +244,7 @@ class Evidence(Entry):
 
 @dataclass(frozen=True)
 class SeparateVerdict(Entry):
-    """The verdict on one of several recordings analysed by itself, its ln Bayes factor and the bar it is held to."""
+    """The verdict on one of several recordings analysed by itself, its ln Bayes factor and the threshold for it."""
 
     verdict: str
     in_words: str

@@ -69,9 +69,9 @@ class ViewDiagnosis:
         return "forces" if self.view.measurement.known_attitude else self.view.name
 
     def doubted(self, effects: Container[str]) -> ViewDiagnosis:
-        """Return the diagnosis with findings of these effects, by id, that are hardly likely.
+        """Return the diagnosis with a low probability of the findings of these effects, by id.
 
-        A formula says it better, much is left, or rows held out are predicted worse.
+        A formula has more evidence, a large residual is left, or held-out rows are predicted worse.
         """
         doubted = tuple(
             replace(f, probability=min(f.probability, MAX_DOUBTED_PROBABILITY)) if f.effect in effects else f
@@ -91,7 +91,7 @@ class ViewDiagnosis:
         return replace(self, unexplained=(walk.shape, *self.unexplained), outcome="; ".join(filter(None, words)))
 
     def with_part_of_walk(self, walk: RandomWalkFinding | None) -> ViewDiagnosis:
-        """Return the diagnosis of causes beside the walk of a sensor, which has its share of them or none."""
+        """Return the diagnosis of causes together with the walk of a sensor, by the part that the walk has in it."""
         if walk is None or walk.part is PartOfWalk.NONE:
             return self
         d = self
@@ -103,7 +103,7 @@ class ViewDiagnosis:
         return d.with_walk(walk, only=False)
 
     def against_walk(self, walk: RandomWalkFinding, ln_odds: float) -> ViewDiagnosis:
-        """Return the diagnosis, the walk of a sensor beside its formulas, which are so much likelier than the walk."""
+        """Return the diagnosis with the walk of a sensor as well, unless the formulas are much likelier than it."""
         return self if ln_odds > CLAIM else self.with_walk(walk, only=ln_odds < -CLAIM)
 
     def tested(self, by_formulas: Callable[[], tuple[ViewDiagnosis | None, frozenset[str]]] | None) -> ViewDiagnosis:

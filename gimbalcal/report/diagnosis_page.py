@@ -135,8 +135,8 @@ def _law(law: LawResult) -> Context:
         "where": naming.without_underscores(f"{law.channel} {law.axis}"),
         "equation": formula(law.latex), "form": law.form, "domain": printed_number("; ".join(domain)),
         "rows": [{**row, "words": p.name} for row, p in zip(estimates(law.parameters), law.parameters, strict=True)],
-        "alternatives": "; ".join(law.alternatives), "with": " --with ".join([*law.beside, law.with_]),
-        "beside": naming.list_in_words([naming.name_in_words(*one.split(":")) for one in law.beside]),
+        "alternatives": "; ".join(law.alternatives), "with": " --with ".join([*law.known_effects, law.with_]),
+        "known_effects": naming.list_in_words([naming.name_in_words(*one.split(":")) for one in law.known_effects]),
     }  # fmt: skip
 
 

@@ -304,8 +304,8 @@ def _sigmas_picture(c: Calibration, n: Mapping[str, Any]) -> Picture:
     return picture(
         sigma_over_time(np.array(n["time_s"]), groups),
         f"Sigma of {number_of(len(c.parameters), 'parameter')} against time, by effect.",
-        "Sigma of each parameter (√P of the filter) in the course of the recording: steps are turns that determine "
-        "what no stop before did. That of the attitude is the smoother's, from all updates before and after.",
+        "Sigma of each parameter (√P of the filter) over the recording: steps are turns that determine what no "
+        "earlier stop did. That of the attitude is the smoother's, from all updates before and after.",
     )
 
 

@@ -35,7 +35,7 @@ from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
 FLAT_PRIOR_SIGMAS = 1e6  # sigmas of all rows together that one sigma of a flat prior stands for
-COURSE = 80  # half periods of the course of a sensor in time: what a walk holds beyond them is a 400th of it
+HISTORY_COSINES = 80  # cosines of the time history of a sensor: a 400th of a walk is beyond them
 EXACT = 1e-12  # m/s^2, rad/s or rad; below it no instrument reads anything
 
 
@@ -44,7 +44,7 @@ class Measurement:
     """What the rows of a kind of view are: the unit they are printed in, what they may follow, and their words.
 
     rows and channels are plural; channel holds `{axis}`. acts_on: quantities to which a law of no catalogue may be
-    added. patterns: what a row may follow besides a slow course in time, of "fast time", "orientation", "angles",
+    added. patterns: what a row may follow in addition to a slow trend, of "fast time", "orientation", "angles",
     "temperature" and "sensors" (the same along each accelerometer). reads_force: whether columns are made of forces
     that were read. timing: whether rows are delays, which time stamps correct and no calibration. law_suffix: of the
     ids of laws, where another kind of view tells laws of the same outputs. known_attitude: whether rows are readings of
@@ -90,7 +90,7 @@ class View:
     source: Recording  # what it was made of, for plans and provenance
     readout: Readout = field(default_factory=Readout)  # nominal scales of counts, names of gimbals
     label: Array | None = None  # (n,) number of the dwell or star of each row, if it is called by a number
-    session: Array | None = None  # (n,) power-up of each row, where nobody knows the time between them
+    session: Array | None = None  # (n,) power-up of each row, if the time between them is unknown
     read_gimbals: tuple[str, ...] = ()  # whose angles were read
     gauge: frozenset[tuple[str, str]] = frozenset()  # (effect, axis) that these rows cannot show by convention
     nuisances: tuple[Parameter, ...] = ()
@@ -150,7 +150,7 @@ class View:
     def sensors_may_walk(self) -> bool:
         """Return whether sensors may be asked for a random walk, a single one or all of a triad.
 
-        No row of a telescope is a sensor, and nobody knows how far one walked between sessions of an unknown time.
+        Rows of a telescope are not sensors, and a walk between sessions of unknown separation has no known variance.
         """
         of_channels = self.noise.wander is not None and self.channels[0][0] in (FORCE, RATE)
         return self.session is None and (of_channels or self.added is not None)
@@ -190,11 +190,11 @@ class View:
         """The parameters of the effects that the model holds."""
         return tuple(p for i in self.baseline for p in self.parameters_of(i))
 
-    def course_of_sensor(self, quantity: str, axis: str) -> Array:
-        """Return columns (n, C, COURSE) of what a sensor that is no channel adds: cosines of its course in time."""
+    def time_history_of_sensor(self, quantity: str, axis: str) -> Array:
+        """Return columns (n, C, HISTORY_COSINES) of a sensor that is no channel: cosines of its time history."""
         t = self.stimulus.time
-        cosines = np.cos(np.pi * np.outer(t / (t[-1] or 1.0), np.arange(1, COURSE + 1)))
-        return self.of_sensor("course", quantity, axis, cosines)
+        cosines = np.cos(np.pi * np.outer(t / (t[-1] or 1.0), np.arange(1, HISTORY_COSINES + 1)))
+        return self.of_sensor("time history", quantity, axis, cosines)
 
     def of_sensor(self, name: str, quantity: str, axis: str, basis: Array) -> Array:
         """Return columns (n, C, m) of a basis of this name, added to a sensor that is no channel; computed once."""
@@ -213,12 +213,12 @@ class View:
         return (self.reference or self.evaluate)(effects)
 
     def without_nuisances(self, sigma: Array | float | None = None) -> View:
-        r"""Return the view with linear nuisances eliminated: what one sigma of each makes of the rows is noise of them.
+        r"""Return the view with linear nuisances eliminated: their contribution becomes noise of the rows.
 
         .. math:: r \to \Sigma \, (1 + N N^T)^{-1/2} \, \Sigma^{-1} r ,
 
-        with N in units of one sigma Sigma of a row (default: by the scatter of its samples). Where nobody knows that, a
-        prior cannot be weighed against the rows, and all nuisances are free.
+        with N in units of one sigma Sigma of a row (default: by the scatter of its samples). If that is unknown, a
+        prior cannot be weighted against the rows, and all nuisances are free.
         """
         if not self.nuisances:
             return self
@@ -254,8 +254,8 @@ class Fit:
     """A model of a view: effects with the parameters that were fitted, what it leaves, and the derivatives there.
 
     residual (n, C) and jacobian (n, C, q) are in units of the noise where its scale is known, else in SI; behind those
-    of the p parameters the jacobian may hold columns of no effect. covariance (p, p) in SI, empty where nobody asked
-    for it.
+    of the p parameters the jacobian may hold columns of no effect. covariance (p, p) in SI, empty if it was not
+    requested.
     """
 
     view: View

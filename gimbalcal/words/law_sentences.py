@@ -53,13 +53,13 @@ def laws_in_words(laws: Sequence[LawResult]) -> str:
     for law in laws:
         sensor = SENSORS.get(law.channel, law.channel + " {}").format(without_underscores(law.axis))
         parts.append(f"{sensor} is off by {law_in_words(law.form, law.parameters, law.units)}")
-    known = list(dict.fromkeys(name_in_words(*one.split(":")) for law in laws for one in law.beside))
+    known = list(dict.fromkeys(name_in_words(*one.split(":")) for law in laws for one in law.known_effects))
     return "; ".join(parts) + (f", in addition to {list_in_words(known)}, which is known" if known else "")
 
 
 def next_of_laws(laws: Sequence[LawResult], recommend: str) -> str:
     """Return what to do next with laws: apply them, fit them again, look for the cause, and what the advice says."""
-    options = dict.fromkeys(f"--with {one}" for law in laws for one in (*law.beside, law.with_))
+    options = dict.fromkeys(f"--with {one}" for law in laws for one in (*law.known_effects, law.with_))
     step = (
         "Next: correct recordings with the calibration.json written here and `--effects law.py`, fit the formula to "
         f"another recording with `{' '.join(options)} --effects law.py`, and look for its physical cause."

@@ -165,7 +165,7 @@ def predicted(run: Run, laws: list[dict[str, Any]], size: float, named: list[tup
     """
     law, seed = run.hidden, run.seed + SECOND
     second, clean = simulated(seed, law, size), simulated(seed, law, 0.0)
-    with_ = tuple(dict.fromkeys([*(b for w in laws for b in w["beside"]), *(named[0] if named else ())]))
+    with_ = tuple(dict.fromkeys([*(b for w in laws for b in w["known_effects"]), *(named[0] if named else ())]))
     out = {"without": excess(second, clean)}
     if not laws and named:
         out["with"] = min(left(second, clean, names) for names in named)

@@ -1,6 +1,6 @@
-"""The noises over which the diagnosis of a view integrates: of a known scale, or of any.
+"""The noises over which the diagnosis of a view integrates: of known or unknown scale.
 
-Rows whose scale is not known have white noise, noise with memory of the row before, or that of sensors that wander.
+Rows of unknown scale have white noise, noise correlated with the row before, or the noise of sensors that wander.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from gimbalcal.number import Array
 from gimbalcal.views.core import Fit, View
 from gimbalcal.views.noise import SingleWalk, TriadWalks, of_channels
 
-MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)  # from row to row, where nobody states the noise
+MEMORY = (0.0, 0.3, 0.6, 0.8, 0.9, 0.96)  # from row to row, where the noise is not stated
 MEMORY_PRIOR = (0.5, 0.1, 0.1, 0.1, 0.1, 0.1)
 WANDER = (0.8, 0.95, 0.99)  # memory of what sensors wander from row to row; the last is next to a walk
-WANDER_SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
+WANDER_SHARE = (0.4, 0.9)  # of the variance; the remainder is white
 MANY_ROWS = 200  # rows of a view, beyond which a wander of a small share of their variance is visible
 SMALL_WANDER, SMALL_SHARE = (0.95, 0.99, 0.998), (0.03, 0.1, 0.3)  # memory and share of such a wander
-WANDERS = 0.5  # prior probability that sensors wander beside white noise, where rows say how that shows
+WANDERS = 0.5  # prior probability of a wander in addition to white noise, where rows say how that shows
 OFFSET_MEMORY, OFFSET_SHARE = 0.9999, (0.05, 0.2, 0.6)  # memory and share of an offset that a group of rows shares
-OFFSETS = 0.2  # prior probability that groups have offsets, by that of none
+OFFSETS = 0.2  # prior odds of offsets of groups
 POLES = (
     (0.0, 0.0), (0.5, 0.0), (0.7, 0.3), (0.7, 0.5), (0.85, -0.3), (0.85, 0.0), (0.85, 0.3), (0.85, 0.85),
     (0.95, -0.3), (0.95, 0.0), (0.95, 0.3), (0.95, 0.7), (0.99, -0.3), (0.99, 0.0), (0.99, 0.4),
 )  # fmt: skip
-"""Poles of the noise of a channel that follows a course of its own; a negative one is that of white noise beside it."""
+"""Poles of the second-order noise of a channel; a negative one stands for additional white noise."""
 
 
-SLOW_BESIDE_WHITE = ((0.97, 0.4), (0.99, 0.4), (0.99, 0.8))
-"""Memory, and share of the variance, of a slow process beside white noise that exceeds its own innovations."""
+SLOW_WITH_WHITE = ((0.97, 0.4), (0.99, 0.4), (0.99, 0.8))
+"""Memory, and share of the variance, of a slow process in white noise that exceeds the innovations of that process."""
 
 
-SLIGHT_MEMORY = (0.0, 0.2)  # from row to row, beside walks of triads: a velocity that is not known as well as assumed
-TRIAD_WALK_PRIOR = 0.15  # probability that all sensors of a triad walk, by that of none: as at a known attitude
+SLIGHT_MEMORY = (0.0, 0.2)  # from row to row, with walks of triads: the velocity is less well known than assumed
+TRIAD_WALK_PRIOR = 0.15  # prior odds of walks of all sensors of a triad, as at a known attitude
 
 
 def possible_noises(fit: Fit, memory: bool = True) -> tuple[Node, ...]:
@@ -61,8 +61,8 @@ def _of_any_scale(v: View) -> tuple[Node, ...]:
         else:
             every = noises_of_unknown_scale(n, C, v.noise.wander, v.groups)
         if v.noise.triad_walks:
-            courses = {quantity: _sensor_courses(v, quantity) for quantity in v.measurement.acts_on}
-            every += walks_of_triads(courses, C, float(np.ptp(v.stimulus.time)), v.noise.triad_walks)
+            histories = {quantity: _time_histories(v, quantity) for quantity in v.measurement.acts_on}
+            every += walks_of_triads(histories, C, float(np.ptp(v.stimulus.time)), v.noise.triad_walks)
         if v.noise.single_walks and v.noise.wander is not None:
             weight, walks = v.of_scales().weight, v.noise.single_walks
             every += single_walks(v.noise.wander, weight, v.stimulus.time, v.channels[0][0], walks)
@@ -70,9 +70,9 @@ def _of_any_scale(v: View) -> tuple[Node, ...]:
     return v.cache["noises"]
 
 
-def _sensor_courses(v: View, quantity: str) -> Array:
-    """Return the reduced rows (R, 3, m) of the courses in time of the sensors of a triad."""
-    each = [v.noise.reduced(v.course_of_sensor(quantity, axis)) for axis in "xyz"]
+def _time_histories(v: View, quantity: str) -> Array:
+    """Return the reduced rows (R, 3, m) of the time histories of the sensors of a triad."""
+    each = [v.noise.reduced(v.time_history_of_sensor(quantity, axis)) for axis in "xyz"]
     return np.stack(each, axis=1)
 
 
@@ -82,23 +82,23 @@ def noises_of_channels(n: int, C: int) -> tuple[Node, ...]:
     .. math:: (1 - \rho_1 B)(1 - \rho_2 B) r_k = e_k, \quad B r_k = r_{k-1}, \quad
         E e_k^2 = (1 - \rho_1^2)(1 - \rho_2^2)
 
-    One of first order has no more than one memory: of a course that is smooth from row to row it expects far more at
-    low frequencies than there is.
+    A first-order noise has a single time constant: for a channel that is smooth from row to row it predicts far more
+    power at low frequencies than there is.
     """
     every = []
     for poles in POLES:
         root = Cascade(_autoregressive_chain(poles[0], n), _autoregressive_chain(poles[1], n))
         name = (("memory", poles[0]), ("second memory", poles[1]))
         every.append(Node(name, {}, 0.0, C * root.log_determinant, root))
-    every += [_wandering_covariance(of_channels(n, C), rho, share, 0.0) for rho, share in SLOW_BESIDE_WHITE]
+    every += [_wandering_covariance(of_channels(n, C), rho, share, 0.0) for rho, share in SLOW_WITH_WHITE]
     every = [replace(node, prior=1 / len(every)) for node in every]
     return tuple(every if C == 1 else (Node.of_channels(parts) for parts in itertools.product(every, repeat=C)))
 
 
 def noises_of_unknown_scale(n: int, C: int, rows: Array | None = None, group: Array | None = None) -> tuple[Node, ...]:
-    """Noises of unit variance in n rows of C channels that nobody states: each row remembers the one before.
+    """Return unstated noises of unit variance in n rows of C channels, each row correlated with the one before.
 
-    Where sensors wander, of which `rows` (n, C, m) are the columns in white noise, either part may be the larger one.
+    With a wander of sensors, whose columns are `rows` (n, C, m), in white noise, either part may be the larger one.
     Where several rows are of one group, `group` (n,) being its ordinal, each group may have an offset of its own: a
     table that turns at the same commanded rate in every row of a stretch.
     """
@@ -138,13 +138,13 @@ SINGLE_WALKS = tuple(
     for walk in SINGLE_WALK
     for base in ((0.0, 0.0), *((rho, share) for rho in WANDER for share in WANDER_SHARE))
 )
-"""Sensor that walks alone, its sigmas of a row at the end, and beside which memory of all of them, of what share."""
+"""Sensor with a random walk, its sigmas of a row at the end; memory of the wander of all sensors, and its share."""
 
 
 def single_walks(
     seen: Array, weight: Array, time: Array, quantity: str, asked: Sequence[SingleWalk]
 ) -> tuple[Node, ...]:
-    r"""Noises in which one of three sensors walks from where it was at first, beside what all of them wander.
+    r"""Return noises with a random walk of one of three sensors in addition to the wander of all of them.
 
     .. math:: V = (1 - a) I + a H K_\rho H^T + w^2 h \min(t_j, t_k) h^T / T
 
@@ -182,24 +182,24 @@ TRIAD_WALKS: tuple[TriadWalks, ...] = tuple(
 
 
 def walks_of_triads(
-    courses: Mapping[str, Array], channels: int, lasts: float, asked: Sequence[TriadWalks]
+    histories: Mapping[str, Array], channels: int, lasts: float, asked: Sequence[TriadWalks]
 ) -> tuple[Node, ...]:
-    r"""Return noises in which all sensors of a triad, or of both, walk beside other noise, as asked for.
+    r"""Return noises with a random walk of all sensors of one triad, or of both, in addition to other noise.
 
     .. math:: V = K_\rho + \sum_q w_q^2 C_q C_q^T, \qquad
         b(t) = N \frac{\sqrt{2 T}}{\pi} \sum_k \frac{z_k}{k} \cos\frac{\pi k t}{T}
 
     A random walk b of density N, less its mean over the time T that it `lasts` [s], is cosines of k half periods of
-    independent sizes z; the mean is part of the calibration. courses: by quantity, the reduced rows (R, 3, m) that
-    cosines of 1 to m half periods in its sensors make. C_q is such that w is how far the likeliest course of a walk
-    goes, in sigmas of all rows together.
+    independent sizes z; the mean is part of the calibration. histories: by quantity, the reduced rows (R, 3, m) that
+    cosines of 1 to m half periods in its sensors make. C_q is normalised such that w is the size of the most likely
+    time history of a walk, in sigmas of all rows together.
     """
     unit, density = dict[str, Array](), dict[str, float]()
-    for quantity, each in courses.items():
+    for quantity, each in histories.items():
         C = (each / np.arange(1, each.shape[-1] + 1)).reshape(len(each), -1)
         size = float(np.sqrt(np.linalg.eigvalsh(C.T @ C)[-1]))
         unit[quantity], density[quantity] = C / size, np.pi / np.sqrt(2 * lasts) / size
-    out, n = [], len(next(iter(courses.values()))) // channels
+    out, n = [], len(next(iter(histories.values()))) // channels
     for memory, *sizes in asked:
         walking = {q: w for q, w in zip(unit, sizes, strict=True) if w}
         root = modes(

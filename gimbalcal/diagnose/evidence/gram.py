@@ -1,9 +1,9 @@
-r"""Products of columns with each other, half of which are stored, and what columns in the model take of them.
+r"""Gram matrices of columns, stored as one triangle, and their reduction by columns that are in the model.
 
 .. math:: G' = G - U U^T, \qquad U = G_a L^{-T}, \qquad L L^T = G_{aa} + s^{-2} I
 
-is what columns a of prior size s leave of G (Schur's complement). Of a thousand positions there are 1600 columns and 24
-noises, while a search asks for the few products of each cause with itself: the others are never formed.
+is what columns a of prior size s leave of G (Schur's complement). A thousand positions have 1600 columns and 24
+noises, while a search needs only the few products of each cause with itself: the others are not computed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from gimbalcal.number import Array
 
 
 def triangle_size(P: int) -> int:
-    """Numbers in the triangle of P columns."""
+    """Return the number of elements in the triangle of P columns."""
     return P * (P + 1) // 2
 
 
@@ -30,12 +30,12 @@ class Gram:
 
     @classmethod
     def of(cls, G: Array, room: Array | None = None) -> Gram:
-        """That of a whole matrix (P, P), its triangle in `room` if that is given."""
+        """Return the triangle of a whole matrix (P, P), in the memory `room` if that is given."""
         empty = cls((np.empty(triangle_size(len(G))) if room is None else room,), np.zeros((0, 0)))
         return empty.grown(G)
 
     def grown(self, more: Array) -> Gram:
-        """Return the matrix with further columns, whose products (p, P + p) with all are put behind its own."""
+        """Return the matrix with further columns, whose products (p, P + p) with all columns are appended."""
         P, p = len(self.taken), len(more)
         self.triangles[0][triangle_size(P) : triangle_size(P + p)] = more[np.tri(p, P + p, P, dtype=bool)]
         return Gram(self.triangles, np.zeros((P + p, 0)))
@@ -56,7 +56,7 @@ class Gram:
         """Products (..., w, w) of columns (..., w) with each other."""
         return self.products(index, index)
 
-    def beside(self, index: Array) -> Array:
+    def with_all(self, index: Array) -> Array:
         """Products (P, w) of every column with columns (w,)."""
         return self.products(np.arange(len(self.taken)), index)
 

@@ -14,7 +14,7 @@ from gimbalcal.inference.whitening import Modes, Whitening
 from gimbalcal.number import Array
 
 SINGLE_WALK = tuple(np.geomspace(2.5, 250.0, 11).tolist())  # sigmas of a dwell mean, of one sensor over the recording
-TRIAD_WALK = (2.0, 6.0, 18.0, 54.0)  # sigmas of all rows, of the likeliest course of a walk of each sensor of a triad
+TRIAD_WALK = (2.0, 6.0, 18.0, 54.0)  # sigmas of all rows, of the likeliest time history of a walk of each sensor
 SINGLE_WALK_PRIOR = 0.01  # prior probability of each of these: three times that of a drift of this accelerometer
 SINGLE_WALK_PRIOR_AT_REST = 0.003  # that of a drift: in a static run and at rest slow causes resemble it
 
@@ -29,7 +29,7 @@ class Node:
     logdet: float
     inverse_root: Array | Chain | Cascade | Whitening | Modes  # (R,) of a diagonal; of rows of each channel; of all
     fresh: float = 1.0  # share of the variance of a row that the rows before do not hold
-    single_walk: str = ""  # axis of the sensor that walks alone, where one does
+    single_walk: str = ""  # axis of the sensor with a random walk of its own, if any
     channels: tuple[Node, ...] = ()  # noises, of which each channel has its own
     scales: tuple[float, ...] = ()  # of the channels against those of the rows, geometric mean one; () where one is all
 

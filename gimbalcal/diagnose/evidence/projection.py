@@ -1,4 +1,4 @@
-r"""How strongly the data speak for each cause: closed-form evidence, calibration profiled out, noise integrated.
+r"""The evidence for each cause in closed form, with the calibration profiled out and the noise integrated over.
 
 For one noise phi and one prior size s, with X the whitened columns from which the calibration has been projected,
 
@@ -6,7 +6,7 @@ For one noise phi and one prior size s, with X the whitened columns from which t
 
 columns being scaled by their prior sigma; `scale` has the same for a noise of any scale. The calibration constants
 have a flat prior, so that BF is an e-value: under no effect it exceeds 1 / alpha with probability at most alpha.
-Mixed over s, over the variants of a candidate and, with the weight that the data give each, over the noise.
+It is averaged over s, over the variants of a candidate and, by the posterior weight of each, over the noise.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ SPARE_COLUMNS = 200  # columns that may be put behind others later: memory that 
 class ReducedRows:
     """Reduced rows [Z | X | y], split where the noise is white whatever the node.
 
-    low (R', q + P + m) are the rows that a node whitens; high is the Gram matrix of the others. Z is orthonormal
-    over all rows under white noise, and X and y have been cleared of it there, so that nothing cancels later.
+    low (R', q + P + m) are the rows that a node whitens; high is the Gram matrix of the others. Z is orthonormal over
+    all rows under white noise, and X and y have been made orthogonal to it there, so that no cancellation occurs later.
     """
 
     low: Array
@@ -66,9 +66,9 @@ class Projection:
         """ln of prior probability x likelihood of the noise, where nothing is missing."""
         return float(np.log(self.node.prior) + self.log_likelihood()[0])
 
-    def explained(self, index: Sequence[int], beside: Sequence[int] = ()) -> float:
-        """Misfit that these columns can take away, of whatever size, beyond what others take."""
-        both, own = np.array([*beside, *index], dtype=int), np.array(beside, dtype=int)
+    def explained(self, index: Sequence[int], given: Sequence[int] = ()) -> float:
+        """Return the misfit that these columns of any size explain in addition to those of `given`."""
+        both, own = np.array([*given, *index], dtype=int), np.array(given, dtype=int)
         return self._taken(both) - (self._taken(own) if len(own) else 0.0)
 
     def _taken(self, at: Array) -> float:
@@ -96,7 +96,7 @@ def stacked_rows(
 
 
 def append_columns(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
-    """`rows` of columns X (R, P) with `new` (R, p) behind them: as `stacked_rows` makes them, faster for a few."""
+    """Return `rows` of columns X (R, P) with `new` (R, p) appended: as `stacked_rows`, but faster for a few columns."""
     q, P, low = rows.q, rows.P, len(rows.low)
     remainder = beyond(rows.Q, new, MIN_SHARE_OF_COLUMN)
     visible = rows.low[:, q : q + P].any(axis=0) | (np.diag(rows.high)[q : q + P] > 0)
@@ -116,11 +116,11 @@ def append_columns(rows: ReducedRows, X: Array, new: Array) -> ReducedRows:
 def project_all(
     nodes: Sequence[Node], rows: ReducedRows, before: Sequence[Projection] = (), layout: Layout | None = None
 ) -> tuple[Projection, ...]:
-    """One projection per noise, their Gram matrices in one piece of memory: some hundred MB, with nothing between.
+    """Return one projection per noise, with all Gram matrices in one block of memory of some hundred MB.
 
-    before: those of the rows without their last columns, whose products are put behind theirs, if there is room.
-    Where channels may have scales of their own, several projections of each noise that states none: of those scales at
-    which the candidates of a layout, or no cause, may be likely.
+    before: the projections of the rows without their last columns, which are extended in place if there is room. If
+    channels may have scales of their own, a noise without stated scales has several projections: at the scales at which
+    the candidates of a layout, or no cause, may be likely.
     """
     if rows.scale.channels is not None and not any(n.scales for n in nodes):
         return _of_channel_scales(nodes, rows, rows.scale.channels, layout)
@@ -244,7 +244,7 @@ def condition_on(p: Projection, columns: Array, size: float) -> Projection:
     lam, V = eigh(p.G.block(columns))
     lam = np.maximum(lam, 0.0)  # of columns that are alike
     root = V / np.sqrt(lam + 1 / size**2)
-    U, z = p.G.beside(columns) @ root, root.T @ p.b[columns]
+    U, z = p.G.with_all(columns) @ root, root.T @ p.b[columns]
     penalty = float(np.log1p(size**2 * lam).sum())
     misfit = p.misfit - (z**2).sum(axis=0)
     return Projection(p.node, p.G.without(U), p.b - U @ z, misfit, p.penalty + penalty, p.scale)

@@ -1,13 +1,13 @@
-r"""What the scale of a noise does to evidence: it is stated, or nobody states it and it is integrated over.
+r"""The evidence for a stated scale of the noise, and for an unknown scale, which is integrated over.
 
-Columns of size s take `gain` away from a misfit that is cleared of what is modelled, with `dof` numbers left in it.
+Columns of size s reduce the misfit by `gain`; the misfit is that of the residual, with `dof` degrees of freedom.
 
 .. math:: \ln L = -\tfrac12 (m - gain) \text{ in units of the stated scale}, \qquad
     \ln L = -\tfrac{dof}{2} \ln (m - gain) + \ln \rho(\hat\sigma), \quad \hat\sigma^2 = (m - gain) / dof
 
-The second is the integral of sigma^-dof exp(-m / 2 sigma^2) over ln sigma; rho, what is known of the scale beforehand,
-is taken where that integral has its weight. Sizes are then counted in prior sigmas per sigma of the noise, and the
-prior of a size is that at which sigma puts it.
+The second is the integral of sigma^-dof exp(-m / 2 sigma^2) over ln sigma; rho, the prior density of the scale,
+is evaluated at the maximum of the integrand. Sizes are then in prior sigmas per sigma of the noise, and the prior of a
+size is that of its value at the estimated sigma.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from gimbalcal.number import Array
 
 SIZES = np.array([0.001, 0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times the catalogue's prior sigma
 SIZE_PRIOR = np.array([0.04, 0.08, 0.15, 0.18, 0.22, 0.15, 0.10, 0.05, 0.03])
-# Where nobody states the noise the units of size are taken from the grade and from the misfit: no more than thirty of
-# them. A shape of a hundred times the misfit, of which the calibration takes up all but a hundredth, says anything.
+# If the noise is not stated, sizes are relative to those of the grade and to the misfit, up to thirty times them. A
+# shape of a hundred times the misfit, all but a hundredth of which the calibration absorbs, would fit anything.
 NEAR_SIZES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
 NEAR_PRIOR = np.array([0.15, 0.2, 0.25, 0.2, 0.12, 0.08])
 ANY_SIZE = np.geomspace(1e-4, 1e3, 29)  # fine enough that confounded causes of different plausible sizes fit alike
 RATIOS = np.geomspace(1e-3, 1e5, 17)  # prior sigmas per sigma of a noise of any scale
 ANY_RATIO = np.geomspace(1e-4, 1e6, 41)
-# steps of the ratio, a factor of ten, that a cause may need beside others: they may leave much less noise
+# steps of the ratio, a factor of ten, that a cause may need together with others, which may leave much less noise
 SCALE_STEPS_BELOW = 2
-WANDERS = 1.0  # mean of ln(noise between rows / scatter of their samples) where it is more
-OVERRATED_RATIO = 0.3  # the same where it is less: a hand that trembles is no noise of the mean
+WANDERS = 1.0  # mean of ln(noise between rows / scatter of their samples) if positive
+OVERRATED_RATIO = 0.3  # the same if negative: the tremor of a hand averages out
 MIN_MISFIT_SHARE = 0.003  # of the rms misfit: a cause may take away all but 1 / 300 of it
 
 
@@ -42,7 +42,7 @@ class Channels:
 
     scale: by which the rows of each have been divided, beyond a common unit; sample: rms of a row of each by the
     scatter of its samples, in the unit of rows, empty where it is unknown; max_memory: from row to row, of a noise
-    in which they may. A channel that scatters by itself next to a walk is one sensor that walks, where that is asked.
+    in which they may. In noises with a walk of one sensor, a single channel of large scatter is that sensor.
     """
 
     scale: tuple[float, ...]
@@ -84,15 +84,15 @@ class Stated:
         return self
 
     def sigma(self, misfit: Array) -> Array:
-        """The scale, whatever is left (...)."""
+        """The scale, which does not depend on the misfit (...)."""
         return np.ones_like(misfit)
 
     def log_likelihood(self, misfit: Array) -> Array:
-        """ln L of what is left (...)."""
+        """ln L of the remaining misfit (...)."""
         return np.asarray(-0.5 * misfit)
 
     def gained(self, _: Array, gain: Array) -> Array:
-        """ln L that taking `gain` (...) away from a misfit adds."""
+        """ln L gained by a reduction of the misfit by `gain` (...)."""
         return 0.5 * gain
 
     def log_prior(self, misfit: Array) -> Array:
@@ -105,15 +105,16 @@ STATED = Stated()
 
 @dataclass(frozen=True)
 class Free:
-    r"""A noise of any scale, flat in its logarithm; where rows are means, its relation to the scatter of their samples.
+    r"""A noise of unknown scale, flat in its logarithm; if rows are means, related to the scatter of their samples.
 
     sample: rms of a row by that scatter, 0 where it is unknown. The noise between rows is of that order, seldom
-    less, often more, as sensors wander from rest to rest:
+    smaller, often larger, as sensors wander from rest to rest:
 
     .. math:: p(\ln\sigma) \propto e^{-\ln(\sigma / s) / 1} \; (\sigma > s), \quad
               e^{-\ln(s / \sigma_0) / 0.3} \; (\sigma_0 < s)
 
-    with sigma_0 = sigma times `fresh`, what is new in each row: that the samples scatter stays, whatever wanders.
+    with sigma_0 = sigma times `fresh`, the share of innovations: the scatter of the samples does not depend on a
+    wander.
     """
 
     dof: int
@@ -140,7 +141,7 @@ class Free:
         return np.sqrt(np.maximum(misfit / dof, MIN_MISFIT_SHARE**2))
 
     def log_likelihood(self, misfit: Array) -> Array:
-        """ln L of what is left (...), up to a constant."""
+        """ln L of the remaining misfit (...), up to a constant."""
         sigma = self.sigma(misfit)
         out = -self.dof * np.log(sigma)
         samples = self.sample if isinstance(self.sample, tuple) else (self.sample,)
@@ -150,7 +151,7 @@ class Free:
         return np.asarray(out - (len(samples) - 1) * log_norm(self.fresh))
 
     def gained(self, misfit: Array, gain: Array) -> Array:
-        """ln L that taking `gain` (...) away from a misfit adds."""
+        """ln L gained by a reduction of the misfit by `gain` (...)."""
         return self.log_likelihood(misfit - gain) - self.log_likelihood(misfit)
 
     def log_prior(self, misfit: Array) -> Array:

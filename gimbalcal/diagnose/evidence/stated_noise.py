@@ -1,12 +1,12 @@
-r"""The noise of a recording, as a grid of possibilities to integrate over, never one estimate to plug in.
+r"""The noise of a recording, as a grid of noises over which to integrate, not as a single estimate.
 
 .. math:: V = \sigma_w^2 I + \sigma_\theta^2 K_{setting} + \sigma_\theta^4 K_{along} + \sigma_{rw}^2 K_{walk}
 
-Each possibility is a tuple of processes by quantity, in units of one sigma of a row (angles of a setting in rad), and
-V is what these processes make of the reduced rows. The white part is known to a per cent from the scatter inside
+Each noise of the grid is a tuple of processes by quantity, in units of one sigma of a row (angles of a setting in rad),
+and V is the resulting covariance of the reduced rows. The white part is known to a per cent from the scatter inside
 dwells (or at high frequency) and is fixed by it. The setting repeatability, one small turn of each gimbal per visit,
-decides the real size of the sample: it and the random walk are integrated over. What it turns across the force is
-missing along it, half its square: a degree takes 150 ug, of variance (sigma_theta^2 g)^2 for two turns across. In a
+determines the effective sample size: it and the random walk are integrated over. A turn across the force reduces the
+component along it to second order: a degree by 150 ug, of variance (sigma_theta^2 g)^2 for two turns across. In a
 static run the cosine transform makes V diagonal.
 """
 
@@ -32,7 +32,7 @@ SETTING = (0.5, 0.71, 1.0, 1.41, 2.0, 2.83)  # times the stated setting repeatab
 SETTING_PRIOR = (0.05, 0.15, 0.40, 0.22, 0.12, 0.06)
 WALK = (0.0, 1.0, 2.5, 6.0)  # random walk over the whole recording, in sigmas of a dwell mean (or of an hour's mean)
 WALK_PRIOR = (0.85, 0.07, 0.05, 0.03)
-SETTING_PRIOR_SHARE = 0.15  # prior of a setting repeatability from which it is tried beside them
+SETTING_PRIOR_SHARE = 0.15  # prior from which a setting repeatability is combined with them
 SLOW_MODES = 160  # cosine modes; the strongest walk of the grid adds 2 % to white noise there
 LOST_NATS = 0.5  # nats of the likelihood of a walk that shows beyond them, to which more of them are taken
 MIN_ROWS_INSIDE = 30  # rows inside dwells below which the stated noise is better than what they show
@@ -44,8 +44,8 @@ NEIGHBOURS = 15  # rows of a static run in which a level is followed: a quarter 
 def scale_to_scatter(o: Fit) -> Fit:
     """Rescale each channel to the scatter that the rows show, and weight the rows where their tails are heavy.
 
-    With enough rows this replaces the white noise of the header; where too few follow each other that one stays.
-    What was measured stays as it is: y and its derivatives change by the unit of a channel alone.
+    With enough rows this replaces the white noise of the header; with too few consecutive rows that of
+    the header is kept. y and its derivatives change only by the unit of a channel.
     """
     fast = _rows_within_blocks(o)
     if len(fast) < MIN_ROWS_INSIDE:
@@ -90,7 +90,7 @@ def _rows_within_blocks(o: Fit) -> Array:
 
 
 def _excess_kurtosis(x: Array) -> Array:
-    """Excess kurtosis per column, samples beyond 12 sigma counted as 12; none where nothing varies."""
+    """Return the excess kurtosis per column, samples beyond 12 sigma counted as 12; zero for a constant column."""
     x = np.clip(x, -12, 12)
     square = (x**2).mean(axis=0)
     return np.asarray(np.where(square > 0, (x**4).mean(axis=0) / np.where(square > 0, square, 1.0) ** 2 - 3, 0.0))
@@ -104,9 +104,9 @@ def noise_grid(o: Fit) -> tuple[Node, ...]:
 
 
 def single_walks_of_stated_noise(o: Fit) -> tuple[Node, ...]:
-    """Noises in which one accelerometer alone wanders, and may wander far: beside the grid, not instead of it.
+    """Return noises with a random walk of a single accelerometer, of large sizes too, in addition to those of the grid.
 
-    And those in which all of them do: an accelerometer that is not alone is not to pass for one that is.
+    Noises with walks of all accelerometers are included, so that these are not taken for the walk of a single one.
     """
     static = o.view.kind.stabilised
     axes = (*(axis for quantity, axis in o.view.channels if quantity == "specific_force"), "")
@@ -126,14 +126,14 @@ def _noises(o: Fit, processes: Sequence[tuple[float, float, float, str]]) -> tup
     """Return a noise for each size of what gimbals do, walk of forces, prior probability, and accelerometer.
 
     Gimbals have setting errors in positions, and a walk of their angles in a static run. The accelerometer is the one
-    that walks alone, "" for all of them.
+    with a random walk, "" if all of them have one.
     """
     return _spectral_noise(o, processes) if o.view.kind.stabilised else _of_dwells(o, processes)
 
 
 @dataclass(frozen=True, eq=False)
 class _Blocks:
-    """How the n blocks of C channels see the states that colour them, of whatever size these are."""
+    """The observation of the states of coloured noise, of any size, in n blocks of C channels."""
 
     walks: Array  # (n, C, C) of each channel
     angles: Array  # (n, C, k) of the gimbals that were read

@@ -179,7 +179,7 @@ SINGLE_FORMS = {
              "knee", "onset", "end", "window", "shock", "bump"),
     "since": ("x", "power", "fade", "log"),
     "logged": ("x", "to x^2", "to x^3", "growth", "wave", "above", "step", "knee", "onset", "end", "window", "bump"),
-    "course": ("x", "x^2", "x^3", "|x|", "above"),
+    "temperature rate": ("x", "x^2", "x^3", "|x|", "above"),
     "move": ("x", "|x|", "power", "step"),
 }  # fmt: skip # of a variable of each group by itself
 PRODUCT_FORMS = {
@@ -189,7 +189,7 @@ PRODUCT_FORMS = {
     "time": ("x", "to x^2", "wave", "fade", "log", "above"),
     "since": ("x", "fade"),
     "logged": ("x", "to x^2", "to x^3", "growth", "wave", "above", "knee"),
-    "course": ("x", "x^2", "|x|", "above"),
+    "temperature rate": ("x", "x^2", "|x|", "above"),
     "move": ("x",),
 }  # and in products
 
@@ -234,13 +234,13 @@ class Term:
 
     @cached_property
     def family(self) -> str:
-        """The term whatever its constants, but for the order of a rare wave."""
+        """The term for any constants, with the order of a rare wave."""
         order = f" {self.constants[0]:.3g}" if self.form.key in ("pulse", "sawtooth", "rectified") else ""
         return f"{self.form.key}{order} of {self.variable.name}"
 
     @property
     def free_origin(self) -> bool:
-        """Return whether a constant stands with the columns in a product, since the variable has no natural zero."""
+        """Return whether a product includes a constant with the columns, since the variable has no natural zero."""
         powers = self.form.key in ("x", "to x^2", "to x^3", "knee") and self.variable.group in CENTRED_GROUPS
         return powers or self.form.key == "table"
 
@@ -257,9 +257,10 @@ class Term:
         return replace(self, constants=constants)
 
     def is_threshold(self, i: int) -> bool:
-        """Return whether constant i is a value of the variable at which the form jumps; zero is one for a course."""
+        """Return whether constant i is a value of the variable at which the form jumps; that of a rate is zero."""
         known = self.form.constants
-        return bool(known) and (known[i].kind, known[i].of) == ("fixed", "x") and self.variable.group != "course"
+        fixed = bool(known) and (known[i].kind, known[i].of) == ("fixed", "x")
+        return fixed and self.variable.group != "temperature rate"
 
     def refined(self, i: int) -> bool:
         """Return whether constant i may lie between the values of its grid; waves of an angle come round."""
@@ -456,7 +457,7 @@ def _threshold_levels(v: Variable, s: Stimulus) -> list[float]:
         starts = s.time[np.flatnonzero(np.diff(s.visit)) + 1]
         every = starts - 1e-3 if len(starts) else np.linspace(v.x[0], v.x[-1], INSTANTS + 2)[1:-1]
         return list(every[np.unique(np.linspace(0, len(every) - 1, min(len(every), INSTANTS)).round().astype(int))])
-    if v.group == "course":
+    if v.group == "temperature rate":
         return [0.0]
     span = float(np.ptp(v.x))
     levels = np.unique(np.round((v.x - v.x.min()) / max(span, 1e-300), 2)) * span + v.x.min()
@@ -531,7 +532,7 @@ def _spreads_of_knots(x: Array, group: str) -> list[Array]:
 def richer_forms(e: Expression, several: bool) -> list[Family]:
     """Return laws with a richer form in the place of one of a law: what a wave, a threshold or a size may really be.
 
-    Beside a free origin, and at `several` axes, a wave may also have one phase in common.
+    A wave may have a free origin and, at `several` axes, also one phase in common.
     """
     out = list[Family]()
     for i, t in enumerate(e.terms):
@@ -554,7 +555,7 @@ def richer_forms(e: Expression, several: bool) -> list[Family]:
         elif t.form.key == "shock":
             waves = np.pi * np.arange(2, CYCLES + 1) / span
             variants += [Term(t.variable, FORMS["shaking"], (*t.constants, k), t.tried * CYCLES) for k in waves]
-        elif t.form.key == "above" and t.variable.group != "course":
+        elif t.form.key == "above" and t.variable.group != "temperature rate":
             variants += [Term(t.variable, FORMS["step"], (*t.constants, span * w), t.tried * 3) for w in WIDTHS]
         elif t.form.key == "|x|" and t.variable.group in ("force", "rate"):
             variants += [Term(t.variable, FORMS["power"], (p,), 4) for p in (0.5, 1.5, 2.5)]

@@ -1,8 +1,8 @@
-"""What is claimed of a law that no catalogue holds: whether these data determine one, its sizes, and law.py.
+"""Decide whether the data determine a law outside the catalogue, estimate its sizes, and write law.py.
 
-A law is named where its evidence, its choice among all others paid for, passes the bar of every claim and comes within
-a factor 20 of that of the best shape, and where no more than a few others come as near. It is written as an effect, so
-that `calibrate --with` and every other command take it by `--effects law.py`.
+A law is named if its evidence, with the penalty for the number of laws tried, exceeds the threshold of any claim and is
+within a factor 20 of that of the best shape, and if only a few others come as near. It is written as an effect, so that
+`calibrate --with` and every other command take it by `--effects law.py`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from gimbalcal.diagnose.laws.law_search import (
     response_of,
     trimmed_law,
 )
-from gimbalcal.diagnose.laws.model_comparison import NAME_ODDS, Beside, compare_models
+from gimbalcal.diagnose.laws.model_comparison import NAME_ODDS, LawsGivenCause, compare_models
 from gimbalcal.diagnose.library.candidates import Candidate, SelectedCause
 from gimbalcal.diagnose.result import LawResult, StatedNoiseFit, ViewFit
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
@@ -62,7 +62,7 @@ NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is tak
 MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
 MIN_EXPLAINED_ALONE = 0.5  # of the same, that a law has to explain where nothing known does
 MAX_COMPARED_LAWS = 12  # formulas that together are compared with causes
-MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for a formula beside them
+MIN_EXCESS_SIGMAS = 1.0  # sigmas of chi^2 that causes have to leave for an additional formula
 SAME_COLUMN = 1e-3  # of a column, which a formula that spans the rest of it holds
 SAME_RESPONSE = 2e-3  # of the square of what a formula adds: a cause that holds all but this is the formula
 MIN_DIFFERENCE = 4.0  # of chi^2, by which a formula says something else than a cause
@@ -82,13 +82,13 @@ class Lawful:
     recommend: str = ""
     each: tuple[tuple[LawFit, Array], ...] = ()
     formula_is_likelier: bool = False  # than all causes, though it is not good enough to be reported
-    ln_total: float = -np.inf  # ln evidence of the first law and of what it stands beside, against nothing
+    ln_total: float = -np.inf  # ln evidence of the first law with its known cause, against nothing
     known: tuple[SelectedCause, ...] = ()  # causes of the catalogue that explain a view as well as the best formula
     misheld: str = ""  # sentences on positions that were not held where the readouts say, a fault and no law
 
 
 def chosen_law(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
-    """The law to be stated, a closed form before a table, and those that are nearly as likely; none where none is near.
+    """Return the law to be stated, a closed form before a table, and those that are nearly as likely; None without one.
 
     shape: ln evidence of the best shape without a cause.
     """
@@ -143,8 +143,8 @@ def _more(kind: str) -> str:
 def law_of_misfit(ranked: Ranking, d: Decision, seed: int, progress: Progress, instead: Sequence[int] = ()) -> Lawful:
     """Return a formula for what no cause explains, in the noise that the likeliest shape leaves in each recording.
 
-    Where positions of one recording were not held as read, that is a fault and no law. ranked: all that was weighed;
-    instead: of these causes, which leave a rest.
+    Positions that were not held as read are reported as a fault, not as a law. ranked: all hypotheses; instead: the
+    causes to be replaced, which leave a significant residual.
     """
     if d.verdict != "unexplained":
         return Lawful()
@@ -199,7 +199,7 @@ def against_walk(law: Lawful, walk: RandomWalkFinding, advice: str) -> tuple[Law
 def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Generator, instead: Sequence[int]) -> Lawful:
     """Seek a law in recordings of known attitude of one unit that nothing known explains.
 
-    nodes: the likeliest noise of each; ranked: all other hypotheses. instead: of these causes, which leave a rest; the
+    nodes: the likeliest noise of each; ranked: all other hypotheses. instead: causes that leave a residual; the
     law then has to be 1000 times as likely, and they are doubtful where formulas together are likelier.
     """
     searches = ranked.searches
@@ -235,7 +235,7 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     if any(h.left < CLEAN_PROBABILITY or h.strained >= -np.log(CLEAN_PROBABILITY) for h in fits):
         advice = advice or law_sentences.LACK_OF_FIT.format(law=printed_form(best))
     title = " and ".join(s.fit.view.title for s in searches)
-    laws = found_law(best, x, C, (before, after), others, title, beside=b.name)
+    laws = found_law(best, x, C, (before, after), others, title, known_effects=b.name)
     parts = g.parts(best.columns)
     remainders = [residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, parts, strict=True)]
     joint = np.concatenate([r.reshape(-1, *g.shape[1:]) for r in remainders])  # rows of one channel, of several
@@ -243,7 +243,7 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     return Lawful(laws, advice, tuple(zip(fits, remainders, strict=True)), ln_total=b.ln_known + best.evidence)
 
 
-def _laws_and_noises(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> Beside:
+def _laws_and_noises(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> LawsGivenCause:
     """Return the laws that explain most in the likeliest noise of each recording without a law, or in the stated one.
 
     A noise that explains what a law adds hides the law, as what is switched looks like the walk of a sensor. The
@@ -281,7 +281,7 @@ def _rivals_of_members(ranked: Ranking, members: Sequence[int], laws: Sequence[L
 def _best_else(ranked: Ranking) -> float:
     """Return ln evidence of the best causes, or of the best shape by itself: what a law competes with.
 
-    A shape beside a cause may be a law beside that cause as well.
+    A shape together with a cause may as well be a law together with that cause.
     """
     every = ranked.library.candidates
     return max(h.ln_weight for h in ranked.hypotheses if len({bool(every[i].rival) for i in h.members}) == 1)
@@ -337,7 +337,7 @@ class LawFit:
 
 
 def _law_in_recording(bare: Search, s: Search, columns: Array, rng: np.random.Generator) -> LawFit:
-    """The law with these columns (n, C, m), fitted to one recording; `bare`: without what it stands beside."""
+    """Fit the law with these columns (n, C, m) to one recording; `bare`: the search without the known cause."""
     extended, physical, scale = with_law(s, columns)
     f = fit_causes(extended, (0,))
     explained = extended.library.X if columns.any() else None
@@ -360,8 +360,8 @@ def causes_replaced_by_a_formula(
     Two causes may imitate a formula together, so all are removed at once, then one after the other. Effects that every
     rig of the kind has stay in the model. A formula that leaves far more scatter than the causes replaces none, and one
     with as many coefficients none if it leaves more scatter at all: in noise with a memory a slow curve has much
-    evidence and explains little of what a periodic cause does. A formula that spans a cause is no rival of it, but the
-    cause and something beside it.
+    evidence and explains little of what a periodic cause does. A formula that spans a cause does not compete with it:
+    it is that cause with an additional term.
     """
     special, doubtful = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind)), set[str]()
     for own in dict.fromkeys([special, *((cause,) for cause in special)] if special else []):
@@ -395,9 +395,9 @@ def _visible_columns(m: Fit, columns: Array) -> int:
 
 
 def _rival_laws(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[Law]:
-    """Return the laws that say something else than causes of these names do.
+    """Return the laws that explain something other than causes of these names do.
 
-    Where a law spans one of these causes, it is that cause and something beside it.
+    A law that spans one of these causes is that cause with an additional term.
     """
     each = ((law, _terms_of(s, law)) for law in laws)
     others = ((law, terms) for law, terms in each if not any(key in names for key, _ in terms))
@@ -423,8 +423,8 @@ def _terms_of(s: Search, law: Law) -> Terms:
 def _differs_from_causes(s: Search, law: Law, X: Array) -> bool:
     """Return whether reduced columns X (R, p) of causes do not hold what a law explains in its likeliest noise.
 
-    They hold it where the rest is a small share, or no more than noise: then the law differs from them in how many
-    numbers it takes to write, and not in what it says of the rows.
+    They hold it if the remainder is a small share of it, or within the noise: then the law differs from them in the
+    number of its constants, and not in its prediction of the rows.
     """
     node, Q, _, added = _whitened(s, law)
     X = node.whiten(X)
@@ -452,7 +452,7 @@ def _evidence_without_clearest_groups(s: Search, law: Law) -> float:
 
 
 def _whitened(s: Search, law: Law) -> tuple[Node, Array, Array, Array]:
-    """Return the likeliest noise beside a law, and calibration, data and the addition in rows of its unit variance.
+    """Return the likeliest noise given a law, and calibration, data and the addition in rows of its unit variance.
 
     Calibration Q (R, q) is orthonormal; data (R,), and what the law adds to them (R,), are without it.
     """
@@ -465,7 +465,7 @@ def _whitened(s: Search, law: Law) -> tuple[Node, Array, Array, Array]:
     return node, Q, y / sigma, added / sigma
 
 
-def _compared_in(m: Fit, s: Search, sigma: Array, alone: bool = True) -> Beside | None:
+def _compared_in(m: Fit, s: Search, sigma: Array, alone: bool = True) -> LawsGivenCause | None:
     """Return the laws of a view, in noise of `sigma` (n, C), that no two events show; alone: without a known cause."""
     one = float(np.sqrt(np.mean(m.view.noise.weighted(sigma) ** 2)))
     b = compare_models([s], [possible_noises(m, memory=False)], s, alone=alone, sigma=one)
@@ -520,7 +520,7 @@ def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str]) -> tuple
 
 
 def with_heldout(lawful: Lawful, fit: ViewFit) -> Lawful:
-    """The same with the misfit of rows held out, if these agree; else none."""
+    """Return the laws with the held-out misfit if they reduce it, else no law."""
     before, after = fit.heldout_before, fit.heldout_after
     if not lawful.laws or after < before:
         laws = (replace(law, heldout_before=before, heldout_after=after) for law in lawful.laws)
@@ -529,7 +529,7 @@ def with_heldout(lawful: Lawful, fit: ViewFit) -> Lawful:
 
 
 def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool = True) -> str:
-    """The manoeuvre that tells a law with coefficients `size` (m,) [SI] from another fastest, as one sentence.
+    """Return one sentence on the fastest manoeuvre to separate a law with coefficients `size` (m,) [SI] from another.
 
     asked: whether the question is open; else it is empty where no manoeuvre would distinguish them.
     """

@@ -1,12 +1,12 @@
-r"""A law over what it follows, beside what the recording shows there and the laws that fit as well.
+r"""Compare a law over its variable with the recording and with the laws that fit equally well.
 
 The residual of the rows belongs to no sensor alone. With g what one unit, added to the output, makes of the rows, the
 part of the residual r that the sensor can have made is
 
 .. math:: \delta_i = \frac{g_i \cdot r_i}{g_i \cdot g_i} ,
 
-and the partial residual, the law plus that, scatters about the law as the noise does. Beside it stands what the law
-predicts in each part of its domain where it is fitted to the other parts alone.
+and the partial residual, the law plus that, scatters about the law as the noise does. The prediction of the law in each
+part of its domain, where it is fitted to the other parts alone, is shown with it.
 """
 
 from __future__ import annotations

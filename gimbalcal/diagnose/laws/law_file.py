@@ -186,13 +186,13 @@ def _with_numbers(text: str, values: Mapping[str, float]) -> str:
 
 def found_law(
     law: Law, x: Array, covariance: Array, heldout: tuple[float, float], others: Sequence[Law], title: str,
-    taken: Sequence[str] = (), view: View | None = None, beside: Sequence[str] = (),
+    taken: Sequence[str] = (), view: View | None = None, known_effects: Sequence[str] = (),
 ) -> tuple[LawResult, ...]:  # fmt: skip
     """Return a law at each of its q axes: one effect with coefficients x (q m,), covariance (q m, q m) in SI.
 
     others: those that fit as well. taken: ids of effects that are laws already. view: what is fed to a navigator is
-    calibrated by a filter, and that has to be given the constants. beside: known causes that it stands beside, as
-    --with takes them.
+    calibrated by a filter, and that has to be given the constants. known_effects: known causes that are fitted together
+    with it, as --with takes them.
     """
     description, e = law_as_written(law.expression), law.expression
     m, sigma = e.columns.shape[1], np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -223,7 +223,7 @@ def found_law(
             alternatives=tuple(dict.fromkeys(_other_law_in_print(o, law) for o in others))[:MAX_ALTERNATIVES],
             effect=effect,
             with_=argument,
-            beside=tuple(beside),
+            known_effects=tuple(known_effects),
             source=text,
         )
         for place, rows in zip(law.places, each, strict=True)

@@ -1,10 +1,10 @@
-r"""A law that nobody has written down: every small expression of what was recorded, by its evidence.
+r"""Search for a law outside the catalogue: all small expressions of the recorded variables, ranked by evidence.
 
-All terms, all products of two and plain products of three are looked at by what they take away of the misfit,
-calibration profiled out, in the likeliest noise. Those that take away most are refined in their constants, together
-with richer forms in the place of theirs and with tables, and weighed over all noises and sizes, as every cause is. An
-expression pays for its number: a third of the prior is for single terms, for products of two and of three, alike in
-each; and a constant pays for its grid.
+All terms, all products of two and plain products of three are compared by how much they reduce the misfit, with the
+calibration profiled out, in the likeliest noise. The constants of those that reduce it most are refined, together with
+richer forms in their place and with tables; their evidence is integrated over all noises and sizes, as for causes. The
+prior allows for the number of trials: a third is for single terms, a third for products of two and of three, equal
+within each; the prior of a constant is uniform on its grid.
 
 .. math:: \ln E = \ln BF - \ln n_{grid} - \ln (3 n_{expressions})
 
@@ -224,9 +224,9 @@ class Law:
 
     @property
     def posterior(self) -> float:
-        """The evidence less what refined constants cost, which the data determine more finely than their grids do.
+        """Return the evidence less the penalty of refined constants, which the data resolve better than their grids.
 
-        What a constant costs is ln of the step of its grid over the width of its likelihood.
+        The penalty of a constant is ln of the step of its grid over the width of its likelihood.
         """
         finer = [3 * m.step / (np.sqrt(2 * np.pi) * sigma) for m, sigma in self._determined]
         return self.evidence - float(np.log(np.maximum(finer, 1.0)).sum())
@@ -264,8 +264,8 @@ def laws_of(grounds: Sequence[Ground], products: bool = True) -> list[list[Law]]
     """Return for each ground the expressions that explain something, by evidence, best first; of those that are one in
     this recording each.
 
-    The grounds are of the same recordings, each in a noise and beside what is known there, so that an expression is
-    evaluated once for all. products: whether to look at products too, or at single terms alone.
+    The grounds are of the same recordings, each with its noise and its known causes, so that an expression is evaluated
+    once for all of them. products: whether products are searched too, or single terms alone.
     """
     scored, number = [list[Scored]() for _ in grounds], np.zeros((len(grounds), 3))
     alike: dict[tuple[int, int, int], dict[int, list[Target]]] = {}
@@ -397,7 +397,7 @@ def _families(targets: Sequence[Target], products: bool) -> list[Family]:
 
 
 def free_numbers(law: Law) -> int:
-    """Return the fitted numbers of a law, rare forms counting as one: of two that are one, that with more is none."""
+    """Return the number of fitted constants of a law, a rare form counting as one: the shortest law is preferred."""
     e = law.expression
     return e.columns.shape[1] + len(e.smooth()) + sum(t.form.key in RARE_FORMS for t in e.terms)
 
@@ -460,12 +460,12 @@ def centred_jumps(g: Ground, law: Law) -> Law:
 
 
 def _jump_constants(e: Expression) -> list[tuple[int, int]]:
-    """Return term and constant of what says where an expression jumps, waves of an angle and zero apart."""
+    """Return term and constant of each position of a jump, except those of waves of an angle and zero."""
     return [
         (i, j)
         for i, t in enumerate(e.terms)
         for j in range(len(t.form.constants))
-        if t.is_threshold(j) or (t.form.key in JUMPS and t.variable.group != "course" and t.refined(j))
+        if t.is_threshold(j) or (t.form.key in JUMPS and t.variable.group != "temperature rate" and t.refined(j))
     ]
 
 
@@ -599,7 +599,7 @@ class _Move:
         return {"size": 0.3, "power": 0.2, "place": 0.03, "fixed": 0.03, "origin": 0.1}.get(self.kind, 0.2)
 
     def at(self, u: float) -> tuple[int, int, float]:
-        """The constant moved by u, within what its variable may tell."""
+        """Return the constant moved by u, within the range that its variable can determine."""
         if self.kind in ("size", "power"):
             farthest = FARTHEST if self.kind == "size" else FARTHEST_POWER
             return self.i, self.j, self.value * float(np.exp(np.clip(u, -farthest, farthest)))

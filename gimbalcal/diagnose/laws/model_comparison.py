@@ -1,7 +1,7 @@
-"""A law beside a known cause: what the catalogue has a name for keeps it, and the formula says the rest.
+"""Laws compared alone and together with a known cause, which explains its part while the formula explains the rest.
 
 The cube of a sine is the sine, which eccentricity has, and its third harmonic; no formula of one term is both. Each of
-the likeliest known causes is therefore put into the model, and single terms are sought beside it:
+the likeliest known causes is therefore put into the model, and single terms are sought in addition to it:
 
 .. math:: \\ln E = \\ln E_{known} + \\ln E_{law | known}
 """
@@ -24,12 +24,12 @@ from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, log_evidence, reduced_rows
 from gimbalcal.diagnose.search.refit import with_columns
 
-COMPARED_CAUSES = 3  # known causes that a law is sought beside
-NAME_ODDS = float(np.log(1000.0))  # odds at which a formula of one term beside a name gives way to one without
+COMPARED_CAUSES = 3  # known causes together with which a law is sought
+NAME_ODDS = float(np.log(1000.0))  # odds at which a term with a known cause gives way to a formula without
 
 
 @dataclass(frozen=True)
-class Beside:
+class LawsGivenCause:
     """Laws by evidence in a ground, and the known cause that is in the model there with its ln evidence; or none.
 
     searches: those of the views with that cause in their models.
@@ -51,17 +51,17 @@ class Beside:
 
     @property
     def total(self) -> float:
-        """ln evidence of the best law and what it stands beside."""
+        """ln evidence of the best law and its known cause."""
         return self.ln_known + self.laws[0].evidence if self.laws else -np.inf
 
 
 def compare_models(
     searches: Sequence[Search], among: Sequence[Sequence[Node]], ranked: Ranking, alone: bool, sigma: float = 1.0
-) -> Beside | None:
-    """Return the laws of one view, or of several of one unit, with the known cause with which they say most.
+) -> LawsGivenCause | None:
+    """Return the laws of one view, or of several of one unit, with the known cause given which they have most evidence.
 
-    among: noises of each recording in which laws are sought, of which that counts in which they say most by themselves;
-    ranked: all that was weighed; alone: without a known cause; sigma: of a row, in the unit of reduced rows. None where
+    among: noises of each recording in which laws are sought; the one in which laws alone have most evidence is used;
+    ranked: all hypotheses; alone: without a known cause; sigma: of a row, in the unit of reduced rows. None where
     no addition to a sensor or gimbal shows.
     """
 
@@ -79,21 +79,21 @@ def compare_models(
     grounds = [(h, with_known, own) for h, with_known in known if (own := common_ground(with_known, nodes)) is not None]
     of_each = laws_of([own for *_, own in grounds], products=False)
     others = [
-        Beside(own, more, ranked.library.candidates[h.members[0]], h.ln_weight, with_known)
+        LawsGivenCause(own, more, ranked.library.candidates[h.members[0]], h.ln_weight, with_known)
         for (h, with_known, own), more in zip(grounds, of_each, strict=True)
     ]
     more = weighed_in(g, [law for other in others for law in other.laws[:1]])
-    best = Beside(g, sorted([*laws, *more], key=lambda law: -law.evidence), searches=tuple(searches))
+    best = LawsGivenCause(g, sorted([*laws, *more], key=lambda law: -law.evidence), searches=tuple(searches))
     for other in others:
         best = _better_cause(best, other, ranked)
     return best
 
 
-def _better_cause(best: Beside, other: Beside, ranked: Ranking) -> Beside:
-    """The other one where it says as much: a name is worth more than a longer formula, another name has to be likelier.
+def _better_cause(best: LawsGivenCause, other: LawsGivenCause, ranked: Ranking) -> LawsGivenCause:
+    """Return the other one if its evidence suffices: a known cause is preferred to a longer formula.
 
-    A name that makes the formula no shorter has to make it likelier. As every law it has to come near the best of what
-    else was weighed.
+    A second known cause has to be likelier, and one that does not shorten the formula has to make it likelier. As for
+    every law, the evidence must be near that of the best other hypothesis.
     """
     if not other.laws or other.laws[0].evidence < CLAIM:
         return best
@@ -105,7 +105,7 @@ def _better_cause(best: Beside, other: Beside, ranked: Ranking) -> Beside:
 
 
 def _likely_causes(ranked: Ranking) -> list[Hypothesis]:
-    """The likeliest known causes, each effect once, without what happens once."""
+    """Return the likeliest known causes, each effect once, except single events."""
     every, out = ranked.library.candidates, dict[str, Hypothesis]()
     for h in ranked.hypotheses:
         c = every[h.members[0]]
@@ -115,7 +115,7 @@ def _likely_causes(ranked: Ranking) -> list[Hypothesis]:
 
 
 def with_cause(s: Search, members: Sequence[int]) -> Search:
-    """The search with these causes, at their likeliest constants, as part of its model and nothing in its library."""
+    """Return the search with these causes, at their likeliest constants, in its model and with an empty library."""
     if not members:
         return s
     X = fit_causes(s, members).columns()

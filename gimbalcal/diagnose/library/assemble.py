@@ -29,11 +29,11 @@ from gimbalcal.views.core import Fit, View, absent_effect
 PEAKS = 3  # of a scan over whole numbers
 STILL_SHARE = 0.01  # of a column: a gimbal that stands still but for the drift of its readout
 MISFIT_RATIO_OF_ORDERS = 5.0  # times the relative misfit: laws of second and third degree, sums of a few
-# values of a scan on either side, a third of a line apart, of which the median is the noise at a line
+# values of a scan on either side, a third of a line width between them, the median of which is the noise at a line
 NEIGHBOUR_VALUES = 24
 NEIGHBOURING_ORDERS = 9  # whole numbers about each of them
 SCALE_STEP = 0.5  # of ln of the scale of a channel, between those at which whole numbers are scanned
-MAX_CHOICES = 150  # choices of constants that are weighed beside each other; of more, those that explain most
+MAX_CHOICES = 150  # choices of constants that are compared; of more, those that explain most
 
 
 def assemble_library(fit: Fit) -> Library:
@@ -57,9 +57,9 @@ def assemble_library(fit: Fit) -> Library:
 
 
 def available_effects(v: View) -> tuple[str, ...]:
-    """Return the ids of the catalogue that could be the cause of what these rows show.
+    """Return the ids of the effects of the catalogue that could explain the misfit of these rows.
 
-    Where the scale of the noise is known the model holds an effect with all parameters that were fitted, or not at all.
+    If the scale of the noise is known, the model includes either all fitted parameters of an effect or none.
     """
     return tuple(
         effect_id
@@ -79,7 +79,7 @@ class _Columns:
 
     @property
     def misfit(self) -> Array:
-        """The misfit (n, C) that they are held against."""
+        """The misfit (n, C) with which they are compared."""
         return self.fit.residual if self.fit.view.noise.scale_known else self.rows.residual
 
     def of(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
@@ -94,9 +94,9 @@ def columns_at(fit: Fit, c: Candidate, at: Constants) -> Array:
 
 
 def _of_effect(maker: _Columns, effect_id: str, blocks: list[Array]) -> list[Candidate]:
-    """Candidates of what the model does not hold of an effect; with the constants it has there, if it has some.
+    """Return candidates for parameters of an effect that the model lacks, at the constants of the model if it has any.
 
-    Of a gimbal that stands still a pattern in its angle is a constant, which the model has taken: no cause.
+    At a gimbal that stands still a pattern in its angle is a constant, which the model includes already: no candidate.
     """
     v, cls, modelled = maker.fit.view, CATALOGUE[effect_id], maker.fit.parameters
     there = next((e for e in maker.rows.effects if e.id == effect_id), None)
@@ -161,10 +161,10 @@ def _weighed_choices(
 def _likeliest_choices(
     o: Fit, cls: type[Effect], source: str, every: Sequence[Constants], columns: Callable[[Effect], Array]
 ) -> list[Constants]:
-    """The `MAX_CHOICES` choices that take away most of what the calibration leaves of the data, in order.
+    """Return the `MAX_CHOICES` choices that reduce the misfit of the calibration most, in order.
 
-    All of a thousand positions would be as many columns squared for each noise; what explains least adds nothing to
-    a sum over choices, of which each keeps its share among all.
+    Those at all of a thousand positions would need as many columns squared for each noise; the omitted ones explain
+    least and contribute little to the sum over choices. The prior of each stays that among all.
     """
     Q = orthonormal(o.reduced(o.Z))
     r = o.reduced(o.residual[:, :, None])[:, 0]
@@ -177,10 +177,10 @@ def _likeliest_choices(
 
 
 def _clear_of_noise(v: View, X: Array, misfit: Array, taken: Array) -> Array:
-    """Columns X (n, C, p), zero where what the model leaves of them is no more than the noise of the forces in them.
+    """Return columns X (n, C, p), zero where the model leaves no more of them than the noise of the forces in them.
 
-    Poses that come again and again in the same order leave nothing else of what follows the pose: it would be a copy of
-    the misfit (n, C). Forces are known to its share of gravity.
+    For poses that recur in the same order, nothing else is left of a function of the pose: it would be a copy of the
+    misfit (n, C). The relative error of forces is that of the misfit to gravity.
     """
     if not v.measurement.reads_force:
         return X
@@ -198,7 +198,7 @@ def orthonormal_basis(J: Array) -> Array:
 def _scanned_orders(
     v: View, cls: type[Effect], misfit: Array, columns: Callable[[Effect], Array], tried: list[Constants], orders: int
 ) -> tuple[list[Constants], int]:
-    """Whole numbers about those that explain most of a misfit (n, C), of all that the readouts tell apart; how many.
+    """Whole numbers near those that explain most of a misfit (n, C), of all that the readouts resolve; how many.
 
     Of a series of harmonics also those that explain most with all their `orders`. What was `tried` without them, and
     none, for an effect without a whole number or with few.
@@ -206,7 +206,7 @@ def _scanned_orders(
     whole, every = every_number(v, cls)
     if whole is None or len(every) <= len(tried):
         return tried, len(every)
-    if cls.id not in v.cache:  # the same for all models of a course, but for their few per mille
+    if cls.id not in v.cache:  # the same for all models of a search within a few per mille
         effects = (absent_effect(cls.id, v.stimulus, "", **{whole.name: m}) for m in every)
         v.cache[cls.id] = np.stack([columns(m) for m in effects]).astype(np.float32)
     rough = v.of_scales(np.exp(np.round(np.log(v.noise.scales) / SCALE_STEP) * SCALE_STEP) if v.noise.scales else ())
@@ -263,8 +263,8 @@ def misfit_powers(Q: Array, misfit: Array) -> Array:
 def power_of_harmonics(power: Array, every: Array, orders: int) -> tuple[Array, Array]:
     """Return whole numbers (m,), and the power (m,) in the lines at each and its multiples up to `orders`.
 
-    power (k,) is that at the numbers `every` (k,), a third of a line apart: a multiple is resolved by as many more
-    numbers between these. Beyond them there is none.
+    power (k,) is that at the numbers `every` (k,), in steps of a third of a line width: a multiple is resolved by as
+    many more numbers between these. Beyond them there is none.
     """
     step = float(every[1] - every[0])
     numbers = np.arange(every[0], every[-1] + 0.5, max(1.0, step // orders))
@@ -281,9 +281,9 @@ def _highest_peaks(power: Array, count: int) -> list[int]:
 
 
 def between_scanned(best: Iterable[float], step: float) -> list[float]:
-    """Return whole numbers about the best of a scan, up to the next that it looked at.
+    """Return whole numbers about the best of a scan, up to the next scanned ones.
 
-    Of each best one they are `NEIGHBOURING_ORDERS` where there are more.
+    About each best one there are at most `NEIGHBOURING_ORDERS`.
     """
     offsets = np.unique(np.round(np.linspace(1 - step, step - 1, int(min(2 * step - 1, NEIGHBOURING_ORDERS)))))
     return sorted({float(m + d) for m in best for d in offsets if m + d >= 1})
@@ -295,5 +295,5 @@ def constants_of(e: Effect) -> Constants:
 
 
 def free_rows(v: View, modelled: Sequence[Parameter]) -> int:
-    """Rows of a channel that a model with these parameters leaves to test anything with."""
+    """Return the degrees of freedom of a channel after the fit of these parameters."""
     return max(len(v) - -(-len(modelled) // len(v.channels)), 1)

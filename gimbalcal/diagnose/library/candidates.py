@@ -1,8 +1,8 @@
-r"""With what: a cause on some of its axes, with every choice of its non-linear constants; alike for all recordings.
+r"""Candidates: a cause on some of its axes, with every choice of its non-linear constants, the same in all recordings.
 
 One candidate is one mechanism of one effect on one axis (or on all its axes together), with its linear parameters. A
-non-linear constant (lag, epoch, period, place) is a grid of variants; each variant carries an equal share of the
-candidate's prior, so that the search is paid for. What the package knows of an effect stands on the effect.
+non-linear constant (lag, epoch, period, place) is a grid of variants; each variant has an equal share of the
+candidate's prior, which accounts for the number of trials. The properties of an effect are stated in its class.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Candidate:
 
     @property
     def in_words(self) -> str:
-        """The same for a person, "bias drift (x)"."""
+        """The name in words, "bias drift (x)"."""
         return (
             f"{without_underscores(self.effect)} ({without_underscores(self.axis)})"
             if self.axis
@@ -85,7 +85,7 @@ class Candidate:
 
     @property
     def once(self) -> bool:
-        """Return whether it is part of one recording, as a mistake at one position or a step at one moment does."""
+        """Return whether the cause is an event of one recording: a mistake at one position, a step at one time."""
         return not self.rival and any(kind(f).once for f in constants(CATALOGUE[self.effect]))
 
 
@@ -134,8 +134,8 @@ def is_eligible(
 ) -> bool:
     """Return whether an effect could be the cause of what a recording shows at these stages.
 
-    Where the noise is not known, a drift that wanders is a cause like others, and its course has to last as long as
-    the effect says.
+    Where the noise is not known, a wandering drift is a cause like others, and the recording has to last as long as the
+    effect says.
     """
     role = cls.role
     there = (
@@ -153,7 +153,7 @@ def is_eligible(
 def covariate_sources(cls: type[Effect], s: Stimulus) -> tuple[str, ...]:
     """Names of the recorded covariates for an effect that follows any of them, else the empty name.
 
-    What an effect of its own says of a channel (pressure, supply_voltage) a generic one need not say as well.
+    Channels with a specific effect (pressure, supply_voltage) are left out of a generic one.
     """
     if followed_covariate(cls) != "":
         return ("",)

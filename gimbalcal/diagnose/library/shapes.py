@@ -1,7 +1,7 @@
-"""Shapes without a cause: what stands for "none of these" when the known causes are compared with the data.
+"""Shapes without a known cause: the alternative hypothesis with which the known causes are compared.
 
-Free per position, smooth in orientation, time or temperature, harmonics of a gimbal angle, and simple laws that nobody
-has written down. Where the scale of the noise is known they are as large as a few sigmas of a row; else as the misfit.
+They are free per position, smooth in orientation, time or temperature, harmonics of a gimbal angle, or simple laws that
+are not in the catalogue. Their prior size is a few sigmas of a row if the noise is known, else that of the misfit.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.views.core import Fit, View
 
 ROUNDING = 1e-14  # of functions of order one: sines of half turns are 1e-16, cubes of a millidegree more
-PLACES = 150  # with more of them, a smooth function of the direction of gravity says it better
-SETTINGS = 16  # of a gimbal; with more of them, harmonics say it better
+PLACES = 150  # with more of them, a smooth function of the direction of gravity is used
+SETTINGS = 16  # of a gimbal; with more of them, harmonics are used
 MIN_CORRELATION = 0.97  # correlation from which a simple law is one that the catalogue has
 MAX_JUDGED_ROWS = 2000  # reduced rows on which that is judged: all of 18 positions, the slowest of a static run
 RIVAL_SIGMA = 3.0  # prior size of one shape, in sigmas of a row: mixed over 0.1 to 100 like every other
-SLOW, FAST = range(1, 9), range(9, 21)  # half periods of a course in time
+SLOW, FAST = range(1, 9), range(9, 21)  # half periods of a time history
 CURVE = range(4, 10)  # degrees of a curve: a square and a cube have causes
 # of a shape, which directions read with noise still tell where the model has taken all that poses tell
 MIN_SHAPE_SHARE = 0.03
@@ -96,7 +96,7 @@ def _accelerometer_responses(o: Fit) -> list[tuple[str, Array]]:
 
 
 def gimbal_harmonics(o: Fit, blocks: list[Array]) -> list[Candidate]:
-    """Errors of each moving gimbal that no bearing or encoder has: high harmonics, or a value at each setting."""
+    """Return errors of moving gimbals unlike those of bearings or encoders: high harmonics, a value at each setting."""
     out, names = list[Candidate](), o.view.stimulus.axis_names
     for i, axis in enumerate(names):
         harmonics = high_harmonics(o.rows.seen[Stage.ENCODER].angle[:, i])
@@ -116,10 +116,10 @@ def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: i
     """Return shapes of no cause; their columns (n, C, p), per rms of the misfit (n, C), are appended to `blocks`.
 
     Smooth in time, fast in time, along the temperature; smooth in the direction of gravity, or harmonics of the gimbal
-    angles. In each channel; the norm of the force shows an accelerometer as far as it lies along the force, the sky
-    across a line of sight its outer axis by the cosine of the inner angle. A shape with as many columns as rows fits
-    whatever is there, so none has more than half the `free`; and of what the model has `taken` (n C, q) only noise of
-    the readings is left, a copy of the misfit where poses come again and again: it is no shape.
+    angles. They act in each channel; on the norm of the force an accelerometer acts by its component along the force,
+    on the sky an outer axis by the cosine of the inner angle. A shape with as many columns as rows would fit any data,
+    so that none has more than half the `free`. Columns that the model has `taken` (n C, q) up to the noise of the
+    readings are no shape: for recurring poses they would be a copy of the misfit.
     """
     if v.added is not None:
         return _of_sensors(v, misfit, taken, blocks)
@@ -142,7 +142,7 @@ def shapes_of(v: View, misfit: Array, taken: Array, blocks: list[Array], free: i
 
 
 def _of_sensors(v: View, misfit: Array, taken: Array, blocks: list[Array]) -> tuple[Candidate, ...]:
-    """Shapes added to a sensor, each combination as large as the misfit beside what the model takes of it."""
+    """Return shapes added to a sensor; of each combination the part beyond the model has the rms of the misfit."""
     assert v.added is not None
     w, out = v.weight, []
     rms = float(np.sqrt(np.mean((misfit * w) ** 2)))
@@ -168,9 +168,9 @@ def _shapes_of_turned_unit(v: View, quantity: str, axis: str) -> Iterator[Shape]
     def added(name: str, basis: Array) -> Array:
         return v.of_sensor(name, quantity, axis, basis)
 
-    course = v.course_of_sensor(quantity, axis)
-    yield "time", "a smooth function of time", course[..., : len(SLOW)]
-    yield "fast time", "a pattern in time", course[..., len(SLOW) : len(SLOW) + len(FAST)]
+    history = v.time_history_of_sensor(quantity, axis)
+    yield "time", "a smooth function of time", history[..., : len(SLOW)]
+    yield "fast time", "a pattern in time", history[..., len(SLOW) : len(SLOW) + len(FAST)]
     yield (
         "orientation",
         "a smooth function of the direction of gravity",
@@ -212,9 +212,9 @@ def _outer_axis(v: View) -> Array:
 def _of_view(v: View) -> Iterator[Shape]:
     """Yield what a channel may follow as it is."""
     follows = v.measurement.patterns
-    yield "time", "a smooth function of time", _course_cosines(v, SLOW)
+    yield "time", "a smooth function of time", _time_cosines(v, SLOW)
     if "fast time" in follows:
-        yield "fast time", "a pattern in time", _course_cosines(v, FAST)
+        yield "fast time", "a pattern in time", _time_cosines(v, FAST)
     if "angles" in follows:
         yield from _angle_harmonics(v)
     if "orientation" in follows:
@@ -224,16 +224,16 @@ def _of_view(v: View) -> Iterator[Shape]:
 
 
 def _of_accelerometers(v: View) -> Iterator[Shape]:
-    """Yield what each accelerometer may follow: a course in time or temperature, or a curve of the force along it."""
+    """Yield what each accelerometer may follow: time, temperature, or a curve of the force along it."""
     u = _unit_force(v)
     for i, axis in enumerate("xyz"):
         along = u[:, i : i + 1]
-        yield f"time {axis}", f"a smooth function of time along {axis}", along * _course_cosines(v, SLOW)
-        yield f"fast time {axis}", f"a pattern in time along {axis}", along * _course_cosines(v, FAST)
+        yield f"time {axis}", f"a smooth function of time along {axis}", along * _time_cosines(v, SLOW)
+        yield f"fast time {axis}", f"a pattern in time along {axis}", along * _time_cosines(v, FAST)
         yield (
             f"scale {axis}",
             f"a scale factor that changes in time along {axis}",
-            along**2 * _course_cosines(v, [*SLOW, *FAST]),
+            along**2 * _time_cosines(v, [*SLOW, *FAST]),
         )
         curve = legendre.legvander(u[:, i], CURVE[-1])[:, CURVE[0] :]
         yield f"curve {axis}", f"a curve of the force along {axis}", along * curve
@@ -260,14 +260,14 @@ def shapes(o: Fit) -> dict[str, tuple[str, Array]]:
     """Bases (n, m) of the rivals that act on each accelerometer output."""
     v, s = o.view, o.view.stimulus
     orders = range(1, 11) if v.kind.in_positions else range(1, 21)
-    out = {"time": ("a smooth function of time", _course_cosines(v, orders))}
+    out = {"time": ("a smooth function of time", _time_cosines(v, orders))}
     if o.view.kind.in_positions:
         places = np.unique(s.position)
         if len(places) <= PLACES:
             out["position"] = ("a value of its own at each position", (s.position[:, None] == places).astype(float))
         out["orientation"] = ("a smooth function of the direction of gravity", polynomials(_unit_force(v)))
         if s.since_move.max() > 0:
-            out["settling"] = ("a course of its own after each move", _settling_basis(o))
+            out["settling"] = ("a transient after each move", _settling_basis(o))
     else:
         phase = np.arctan2(s.force[:, 1], s.force[:, 0])
         out["orientation"] = ("harmonics of the sidereal angle", _waves(phase, range(2, 7)))
@@ -287,13 +287,13 @@ def _settling_basis(o: Fit) -> Array:
 
 
 def unit_rms(basis: Array) -> Array:
-    """Columns (n, m) scaled to rms one; what is nothing but rounding, as x y with one axis up or down, becomes zero."""
+    """Return columns (n, m) scaled to rms one; rounding errors, as of x y with one axis up or down, become zero."""
     rms = np.sqrt((basis**2).mean(axis=0))
     return np.where(rms > ROUNDING, basis / np.where(rms > ROUNDING, rms, 1.0), 0.0)
 
 
 def polynomials(u: Array) -> Array:
-    """Second- and third-degree polynomials (n, 15) of the unit force (n, 3), z^2 left out: it is 1 - x^2 - y^2."""
+    """Return polynomials (n, 15) of degree two and three of the unit force (n, 3), without z^2 = 1 - x^2 - y^2."""
     x, y, z = u.T
     second = [x * y, y * z, z * x, x * x, y * y]
     third = [x**3, y**3, z**3, x * x * y, x * x * z, y * y * x, y * y * z, z * z * x, z * z * y, x * y * z]
@@ -319,9 +319,9 @@ def _gaussian_smoothed(x: Array, width: float) -> Array:
 
 
 def product_laws(o: Fit) -> dict[str, tuple[str, list[Array]]]:
-    """Simple laws that nobody has written down yet, by family: words, and bases (n, 1 or 2), any one of which it is.
+    """Return simple laws that are not in the catalogue, by family: words, and bases (n, 1 or 2), one of which applies.
 
-    A flexible shape cannot compete with a known cause that happens to look much like the truth; the truth itself can.
+    A flexible shape cannot compete with a known cause that closely resembles the true law; the true law itself can.
     """
     s = o.view.stimulus
     t = s.time / s.time[-1] - 0.5
@@ -345,10 +345,10 @@ def product_laws(o: Fit) -> dict[str, tuple[str, list[Array]]]:
 
 
 def high_harmonics(angle: Array) -> list[Array]:
-    """Bases (n, m) of an error that repeats three to eight times a turn: all beyond the second, and each as it is.
+    """Return bases (n, m) of an error that repeats three to eight times a turn: all of these together, and each alone.
 
-    What positions show of a harmonic is in part what first and second show: the first basis is cleared of that, so
-    that it takes nothing from them; each harmonic as it is needs nothing beside it.
+    In a few positions a harmonic is partly confounded with the first and second; that part is removed from the first
+    basis, and kept in those of the single harmonics.
     """
     beyond = _above_second(angle)
     if np.ptp(angle) < 1e-2 or not beyond.shape[1]:
@@ -383,7 +383,7 @@ def _unit_force(v: View) -> Array:
     return np.asarray(force / np.linalg.norm(force, axis=-1, keepdims=True))
 
 
-def _course_cosines(v: View, orders: Sequence[int]) -> Array:
+def _time_cosines(v: View, orders: Sequence[int]) -> Array:
     """Cosines over the recording (n, m)."""
     t = v.elapsed
     return np.asarray(np.cos(np.pi * np.outer(t / (t.max() or 1.0), orders)))

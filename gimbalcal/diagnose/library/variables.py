@@ -24,7 +24,7 @@ LETTER = re.compile("([a-z]|tau|x0|phi|level)[0-9]?")  # what coefficients and c
 class Variable:
     """What a law may follow: its name and unit in print, values (n,) in SI, how law.py takes it from a stimulus `s`.
 
-    group: force, angle, rate, time, since, logged, course (of the temperature) or move. origin: of which powers are
+    group: force, angle, rate, time, since, logged, temperature rate or move. origin: of which powers are
     taken, SI; reference: from which they are printed.
     """
 
@@ -85,10 +85,10 @@ def _every_variable(s: Stimulus) -> list[Variable]:
         out += _of_moves(s)
     if s.temperature is not None:
         needs, code = "temperature", "smoothed_rate(s.temperature, s.time, max(s.time) / 100)"
-        T, course = s.temperature, smoothed_rate(s.temperature, s.time, float(np.max(s.time)) / 100)
+        T, T_rate = s.temperature, smoothed_rate(s.temperature, s.time, float(np.max(s.time)) / 100)
         at = s.reference_temperature
         out.append(Variable("temperature", "degC", T, "s.temperature", "logged", _middle_of_range(T), at, needs))
-        out.append(Variable("temperature_rate", "degC/h", course, code, "course", needs=needs))
+        out.append(Variable("temperature_rate", "degC/h", T_rate, code, "temperature rate", needs=needs))
     out += [
         Variable(_symbol_name(name), "", x, f"s.covariates[{name!r}]", "logged", _middle_of_range(x), float(x.mean()),
                  f"covariate:{name}")

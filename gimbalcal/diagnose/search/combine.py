@@ -4,11 +4,11 @@ r"""Combine the evidence of several recordings of one unit.
 
 Calibration constants, noise and sizes are each recording's own, so that given a hypothesis the recordings are
 independent: the Bayes factors of the same hypothesis multiply, and a product of e-values is an e-value. Hypotheses are
-the same if effects, mechanisms, axes and covariates are. A recording that cannot see a cause says nothing of it: a
-factor of one.
+the same if effects, mechanisms, axes and covariates are. A recording in which a cause does not act has no evidence on
+it: a factor of one.
 
-What happens once (a wrong position, a step) belongs to one recording and says nothing is missing in the others. A shape
-without a cause may belong to one, or to all that show it: what no catalogue holds comes back with the unit too, and
+A single event (a wrong position, a step) belongs to one recording and is absent from the others. A shape without a
+cause may belong to one recording, or to all that show it: an effect outside the catalogue recurs with the unit too, and
 would otherwise lose to a wrong cause whose evidence accumulates.
 """
 
@@ -21,7 +21,7 @@ from functools import partial
 import numpy as np
 
 from gimbalcal.diagnose.library.candidates import Candidate, Library
-from gimbalcal.diagnose.search.ranking import ABSENT, Ranking, Search, evidence_beside, log_priors, ranked_hypotheses
+from gimbalcal.diagnose.search.ranking import ABSENT, Ranking, Search, evidence_of_sets, log_priors, ranked_hypotheses
 from gimbalcal.number import Array
 
 
@@ -66,8 +66,8 @@ def _with_second(c: Ranking, members: Sequence[int], seconds: Sequence[int], kee
             continue
         partners = sorted(set(c.within(seconds, k)))
         ln = np.full(len(s.singles), -np.inf)
-        ln[partners] = evidence_beside(s, mine, partners, keep)
+        ln[partners] = evidence_of_sets(s, mine, partners, keep)
         values.append(ln)
         first, last = mine[:-1], mine[-1:]
-        without.append(evidence_beside(s, first, last, keep)[0] if first else s.singles[mine[0]])
+        without.append(evidence_of_sets(s, first, last, keep)[0] if first else s.singles[mine[0]])
     return c.summed(values, without)[list(seconds)]

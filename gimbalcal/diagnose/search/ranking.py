@@ -1,7 +1,7 @@
-r"""The search: singles, refined constants, pairs and thirds, and the unknown alone or beside a known cause.
+r"""The search: singles, refined constants, pairs and thirds, and the unknown alone or with a known cause.
 
-Prior: the causes of the catalogue share alike, then their axes; pairs share what single causes share; the unknown has a
-part of its own. Everything is relative to "nothing is missing", noise integrated over.
+Prior: all causes of the catalogue have equal shares, then their axes; that of a pair is proportional to those of its
+causes; the unknown has its own prior. All evidence is relative to "nothing is missing", with the noise integrated over.
 """
 
 from __future__ import annotations
@@ -16,7 +16,15 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.correlated_noise import possible_noises
 from gimbalcal.diagnose.evidence.node import Node
-from gimbalcal.diagnose.evidence.odds import BESIDE, CLAIM, DETECTION_EVIDENCE, PAIR, SINGLE, UNKNOWN, USUAL_CAUSE_BONUS
+from gimbalcal.diagnose.evidence.odds import (
+    CAUSE_AND_SHAPE,
+    CLAIM,
+    DETECTION_EVIDENCE,
+    PAIR,
+    SINGLE,
+    UNKNOWN,
+    USUAL_CAUSE_BONUS,
+)
 from gimbalcal.diagnose.evidence.projection import (
     Projection,
     ReducedRows,
@@ -104,7 +112,7 @@ class Ranking:
     def summed(self, values: Sequence[Array], otherwise: Sequence[Array] | None = None) -> Array:
         """Return values per candidate of each view (C_k, ...) added up over the views (C, ...).
 
-        A view that does not see a candidate adds what it says without: `otherwise` (...), or nothing.
+        A view in which a candidate does not act adds its value without it: `otherwise` (...), or zero.
         """
         total = np.zeros((len(self.place), *values[0].shape[1:]))
         for k, v in enumerate(values):
@@ -162,10 +170,10 @@ class Search(Ranking):
 
 
 def log_priors(candidates: Sequence[Candidate], recording_kind: str = "") -> Array:
-    """ln prior share of each candidate among the known (or among the unknown), summing to one in each.
+    """Return ln prior probability of each candidate among the known (or the unknown) ones, summing to one in each.
 
-    Effects are alike but for those that every rig of the kind has; of each, half is for all axes together, which are of
-    one make, and half for one of them.
+    All effects have equal priors except those that every rig of the kind has; half of each prior is for all axes
+    together, which are of one make, and half for a single axis.
     """
     together, single = (Counter(c.effect for c in candidates if ("," in c.axis) is wide) for wide in (True, False))
     share = np.array([
@@ -227,7 +235,7 @@ def rms_misfit(fit: Fit) -> float:
 
 
 def search(fit: Fit, candidates: Library | None = None, nodes: Sequence[Node] = ()) -> Search:
-    """Compare what may be missing from a model: singles, and pairs where one is found wanting or none is found.
+    """Rank what may be missing from a model: single causes, and pairs if one is insufficient or none is found.
 
     The candidates are those of the catalogue and the noises those of the view, if no others are given. In a noise of
     known scale constants are refined here, and candidates that the calibration takes up are left out; else a fit with
@@ -251,12 +259,12 @@ def search(fit: Fit, candidates: Library | None = None, nodes: Sequence[Node] = 
 def rank_hypotheses(
     fit: Fit, library: Library, rows: ReducedRows, projections: tuple[Projection, ...], factors: Factors
 ) -> Search:
-    """Rank singles, and pairs where a single cause is found wanting or none is found, from the factors of singles."""
+    """Rank single causes, and pairs if one is insufficient or none is found, from the factors of single causes."""
     null, ln, joint = factors
     prior = log_priors(library.candidates, fit.view.kind)
     s = Search(library, (), prior, fit, rows, projections, null, joint, ln)
     floor = float(joint.max() - logsumexp(null)) + float(prior.min())
-    hypotheses, share = ranked_hypotheses(library.candidates, ln, prior, floor, partial(evidence_beside, s))
+    hypotheses, share = ranked_hypotheses(library.candidates, ln, prior, floor, partial(evidence_of_sets, s))
     return replace(s, hypotheses=hypotheses, share=share)
 
 
@@ -274,7 +282,7 @@ def ranked_hypotheses(
 
 
 def _visible_candidates(library: Library, p: Projection) -> Library:
-    """Only candidates of which the calibration leaves something at ten times their plausible size."""
+    """Return only candidates that the calibration does not absorb at ten times their plausible size."""
     norm = np.sqrt(p.G.diagonal)
     kept = [c for c in library.candidates if max(norm[list(v.index)].max() for v in c.variants) > MIN_SIGMAS_PER_PRIOR]
     return Library(tuple(kept), library.X)
@@ -295,7 +303,7 @@ def bayes_factors(projections: Sequence[Projection], layout: Layout) -> Factors:
 def promising_pairs(
     candidates: Sequence[Candidate], ln: Array, prior: Array, floor: float, gained: Gained
 ) -> list[Hypothesis]:
-    """Second causes, known or unknown, beside each promising first one; thirds beside the best pair.
+    """Return second causes, known or unknown, for each promising first one, and thirds for the best pair.
 
     `ln` (candidates,) is the ln Bayes factor of each alone, `prior` (candidates,) its ln share among the known or the
     unknown, `floor` the ln weight, less that of a single cause, that a pair must reach for a third to be tried.
@@ -313,7 +321,7 @@ def promising_pairs(
                 best[members] = max(best.get(members, -np.inf), float(value))
     out = []
     for (i, j), value in best.items():
-        share = np.log(BESIDE if rival[j] else PAIR * 2) + prior[i] + prior[j]
+        share = np.log(CAUSE_AND_SHAPE if rival[j] else PAIR * 2) + prior[i] + prior[j]
         out.append(Hypothesis((i, j), value, value + float(share)))
     return out + _promising_thirds(candidates, prior, floor, gained, out) if detected else out
 
@@ -333,7 +341,7 @@ def _promising_thirds(
         return []
     ln = gained(top.members, range(len(candidates)), KEEP)
     rival = np.array([bool(c.rival) for c in candidates])
-    share = np.where(rival, np.log(BESIDE / 2), np.log(PAIR)) + prior + sum(prior[i] for i in top.members)
+    share = np.where(rival, np.log(CAUSE_AND_SHAPE / 2), np.log(PAIR)) + prior + sum(prior[i] for i in top.members)
     return [
         Hypothesis((*top.members, j), float(ln[j]), float(ln[j] + share[j]))
         for j in range(len(ln))
@@ -341,7 +349,7 @@ def _promising_thirds(
     ]
 
 
-def evidence_beside(s: Search, members: Sequence[int], seconds: Sequence[int], keep: int) -> Array:
+def evidence_of_sets(s: Search, members: Sequence[int], seconds: Sequence[int], keep: int) -> Array:
     """ln BF against nothing of `members` with each of `seconds` in turn, over the `keep` weightiest noises."""
     nominal = int(np.argmax([p.node.prior for p in s.projections]))
     weighty = weightiest_noises(s.projections, s.joint[:, members[0]], keep - 1) | {nominal}
@@ -370,9 +378,9 @@ def given_all(s: Search, noise: int, members: Sequence[int], ln: float, looser: 
 
 
 def projection_given(p: Projection, c: Candidate, looser: int = 0) -> tuple[Projection, float]:
-    """The projection with a cause in the model (its best variant and size), and the ln BF it gained.
+    """Return the projection with a cause in the model (its best variant and size), and the ln BF it gained.
 
-    Where it has to be so many sizes `looser`, the ln BF is of that size alone.
+    With `looser`, a number of steps of size, the ln BF is that of this size alone.
     """
     weight = np.log(np.array([v.weight for v in c.variants]) / c.tried)
     each = each_size(p, np.array([v.index for v in c.variants])) + weight[:, None]

@@ -1,9 +1,9 @@
-r"""Sensors that wander further than any noise of the grid: their walk competes with what would be named instead.
+r"""Random walks larger than any noise of the grid: the walk competes with the causes that would be named instead.
 
-Of channels that are sensors one walks alone; behind the innovations of a navigator all sensors of a triad walk. A walk
-has no law that a column could hold. What of it the calibration leaves is in the fast part: twelve cosines, the first
-twelve terms of its series, leave half of what shows. It is a covariance, and stands among the noises: a cause is then
-claimed against it as against any noise, and sizes beside it carry what it leaves open.
+Where channels are sensors, a single one has a walk; in the innovations of a navigator all sensors of a triad do. A walk
+is stochastic and has no column. The calibration absorbs its slow part: twelve cosines, the first twelve terms of its
+series, explain only half of the remainder. It is therefore a covariance among the noises: a cause is then
+claimed against it as against any noise, and the sigmas of sizes include its contribution.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from gimbalcal.inference.algebra import logsumexp
 from gimbalcal.number import Array
 from gimbalcal.views.core import View
 
-MAX_WALK_NOISES = 12  # of these noises, the likeliest: each is as much work as one of the grid
+MAX_WALK_NOISES = 12  # the likeliest of these noises: each takes as long as one of the grid
 MAX_NATS_BEHIND = 5.0  # nats behind the likeliest within which they count
 
 
 def likely_wandering_noises(s: Search) -> tuple[Node, ...]:
-    """The noises of one wandering accelerometer that are as likely as a twentieth of what was found, likeliest first.
+    """Return the noises with a walk of a single accelerometer of at least 1/20 of the evidence found, likeliest first.
 
-    Where nothing was found in a static run, those that are 20 times as likely as all noises without one together, if it
-    calls for a walk at all; outputs that wander between positions are reported by their calibration. Where walks of all
-    accelerometers are likelier there are none: what they leave keeps its shape.
+    If nothing was found in a static run, those 20 times as likely as all noises without one together are returned, if a
+    walk is needed at all; a wander between positions is reported by the calibration. If walks of all accelerometers
+    are likelier, none is returned, and the residual is described by a shape.
     """
     walking = s.ln_total >= CLAIM
     if not walking and (not s.fit.view.kind.stabilised or not _all_walk(s)):

@@ -55,9 +55,9 @@ class Step:
 class SearchResult:
     """A finished search: the baseline, the causes selected in order, and the shapes of what no cause explains.
 
-    with_shapes: the model after the last step with these shapes in it, which is what the data follow. standard: what
-    every rig of the kind has, as far as the data support it, where the search began from that. rest: what the model
-    after the last step may lack, where that was asked.
+    with_shapes: the model after the last step with these shapes, which describes the data. standard: the effects of
+    every rig of the kind that the data support, if the search began with them. rest: the ranking of what the model
+    after the last step may lack, if it was computed.
     """
 
     start: Fit
@@ -100,9 +100,9 @@ class Round:
 def stepwise(v: View, progress: Progress) -> SearchResult:
     """Search for what the baseline lacks, from the baseline and from the textbook's model, and return the likelier.
 
-    Several causes that share their patterns are not found one after the other: of four terms of a mount, two others
-    may explain more than any two of them. What every textbook of such a rig names is therefore tried at once too.
-    Numbers without noise are not searched.
+    Several causes with similar patterns are not found by stepwise selection: of four terms of a mount, two others may
+    explain more than any two of them. The terms that textbooks name for such a rig are therefore also tried together.
+    Data without noise are not searched.
     """
     first = start_with_baseline(v)
     refuse_too_little(v.title, first.jacobian.reshape(first.residual.size, -1))
@@ -114,9 +114,9 @@ def stepwise(v: View, progress: Progress) -> SearchResult:
 def likeliest_selection(first: Fit, progress: Progress) -> tuple[list[SelectedCause], list[SelectedCause]]:
     """Return the likeliest selection of causes from several starts, and what of the textbook's model is in it.
 
-    As long as others are not in the model a strong cause in one channel passes for the noise of this channel, and the
-    first of several may not show against it. Where channels have scales of their own, what is selected if all of them
-    scatter alike is therefore a start too. At equal odds what every rig of the kind has is preferred.
+    As long as other causes are not in the model, a strong cause in one channel is taken for the noise of this channel,
+    and the first of several may not be detected. Where channels have scales of their own, what is selected if all of
+    them scatter alike is therefore a start too. At equal odds what every rig of the kind has is preferred.
     """
     known = assemble_library(first)
     share = log_shares(first.view, known)
@@ -178,7 +178,7 @@ def refine_constants(first: Fit, selected: Sequence[SelectedCause]) -> list[Sele
 def textbook_causes(first: Fit, known: Library) -> list[SelectedCause]:
     """Return what every textbook of such a rig names and the baseline lacks, on all axes, as far as data support it.
 
-    The model is linear: of what these rows hardly see a fit finds any size, far from where the model is linear.
+    The fit is linear: parameters that the rows hardly determine may take any size, beyond the range of linearity.
     """
     named = [c for c in known.candidates if is_usual(c, first.view.kind)]
     widest = {c.effect: max((o for o in named if o.effect == c.effect), key=lambda o: len(o.parameters)) for c in named}
@@ -203,7 +203,7 @@ def log_shares(v: View, known: Library) -> dict[Key, float]:
 def ln_odds(first: Fit, selected: Sequence[SelectedCause], share: Mapping[Key, float]) -> float:
     """Return ln odds of several causes together against none.
 
-    What every rig of the kind has costs no prior; `share` is the ln prior share of what shows by itself.
+    Effects of every rig of the kind have no prior penalty; `share` is the ln prior of the others.
     """
     least = min(share.values())  # some show only together with others
     special = [c for c, _ in selected if not is_usual(c, first.view.kind)]
@@ -258,7 +258,7 @@ def swap_causes(
         s = search(model, nodes=possible_noises(model, memory))
         best = likeliest_after_refit(first, others, s, likeliest_round(s, cause), cause)
         (same, other), *more = best.causes
-        if same.key == cause.key and same.scanned and not more:  # another of the peaks of a scan, beside these others
+        if same.key == cause.key and same.scanned and not more:  # another peak of a scan, given these others
             out = [*others, (cause, other)]
         elif best.lead > SWAP:
             progress(f"{cause.in_words} is replaced by {', '.join(c.in_words for c, _ in best.causes)}")
@@ -334,7 +334,7 @@ def result_of(
 ) -> SearchResult:
     """Order the causes by what each explains, and describe what they leave by shapes.
 
-    What a known cause would explain gets no shape, unless causes have been `refused` already.
+    A residual that a known cause would explain has no shape, unless causes have been `refused` already.
     """
     steps, shapes = order_by_explanation(first, selected), list[Candidate]()
     with_shapes = steps[-1].model if steps else first
@@ -359,8 +359,8 @@ def likeliest_round(s: Search, against: Candidate | None = None, shape: bool = F
     """Return what is likeliest to be missing by a search: causes, or a `shape`.
 
     Causes are selected where by themselves they are likelier than a shape by itself, several of them at the odds of a
-    claim: together they may mimic what one shape says. With a shape in the model almost any cause seems needed, as it
-    resembles a part of what the shape only sketches.
+    claim: together they may mimic one shape. With a shape in the model almost any cause seems needed, as it resembles a
+    part of the residual that the shape describes only roughly.
     """
     every = s.library.candidates
     shapes = [h for h in s.hypotheses if all(every[i].rival for i in h.members)]

@@ -1,10 +1,10 @@
-r"""From probabilities to a verdict: what is claimed, what stands together, and when nothing is named.
+r"""From probabilities to a verdict: what is claimed, which alternatives are listed, and when nothing is named.
 
 * something is missing only if the Bayes factor for it exceeds 20 and what clean recordings of this very design reach;
-* a shape without a cause wins when its probability exceeds one half: then no cause is named by force, unless one
-  carries nine tenths of the evidence by itself: then it is named, and the rest beside it as a shape;
+* a shape without a cause wins when its probability exceeds one half: then no cause is named, unless one
+  carries nine tenths of the evidence by itself: then it is named, and the rest reported as a shape;
 * a cause that leaves more than the stated noise is named, but is not sure;
-* causes that fit alike stand together: see `judge_member`.
+* causes that fit alike are listed together: see `judge_member`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Findings: which of the causes that a search selected stand, and each of them with its sizes and its advice."""
+"""Findings: the selected causes that are confirmed, with their sizes and advice on how to separate them."""
 
 from __future__ import annotations
 
@@ -47,8 +47,7 @@ SHOWN, HIDDEN = 5.0, 3.0  # sigmas of a parameter that differs from zero, and of
 def confirm_causes(c: SearchResult, progress: Progress) -> tuple[SearchResult, list[Judgement]]:
     """Remove causes that something else is likelier to be, and select that in their place; judge those that remain.
 
-    Where the replacement has been refused as well, the misfit is left to a shape: a misfit beyond the noise does not
-    vanish with the last name for it.
+    If the replacement has been refused as well, the misfit is described by a shape, as it exceeds the noise.
     """
     refused: set[Key] = set()
     kept: list[SelectedCause] | None = None
@@ -90,8 +89,8 @@ def confirm_causes(c: SearchResult, progress: Progress) -> tuple[SearchResult, l
 def worsening_cause(c: SearchResult, verdicts: Sequence[Judgement]) -> Candidate | None:
     """Return the cause without which held-out rows are predicted best, or None if each improves their prediction.
 
-    Where each of several causes helps beside the others, but all of them predict worse than the baseline, it is the
-    least probable one.
+    Where each of several causes improves the prediction given the others, but all of them together predict worse than
+    the baseline, it is the least probable one.
     """
     sigma = row_sigma(c.end)
 
@@ -127,8 +126,8 @@ def _search_with_replacement(
 def cancelling_causes(c: SearchResult) -> list[SelectedCause]:
     """Return causes that not every rig has, each of them much larger than the misfit that all of them explain together.
 
-    What is a few arcsec of a law that has no name here is also the difference of a hundred of one pattern and of the
-    next like it: terms of a series, not causes. Contributions count without what the baseline takes up of them.
+    A few arcsec of an unknown law are also the difference of a hundred of one pattern and of a similar one: terms of a
+    series, not causes. Contributions are compared without the part that the baseline absorbs.
     """
     m, Q = c.end, orthonormal_columns(c.end.reduced(c.start.jacobian))
     x, out = m.x, []
@@ -143,7 +142,7 @@ def cancelling_causes(c: SearchResult) -> list[SelectedCause]:
 
 
 def impossible_causes(c: SearchResult) -> list[SelectedCause]:
-    """Return causes of a size far beyond that of a unit of any grade: where a fit needs such a size, another law holds.
+    """Return causes of a size far beyond that of a unit of any grade: a fit that needs such a size lacks another law.
 
     Where the attitude changes by a few degrees from row to row, a memory of half the force fits the misfit of |f|.
     """
@@ -193,7 +192,7 @@ def finding_of_view(m: Fit, j: Judgement) -> Finding:
 def findings_of_recordings(c: Ranking, d: Decision, joint: JointFit) -> tuple[Finding, ...]:
     """Return what is named: effect, axis, probability, significance, sizes, what fits alike and how to separate it.
 
-    Of several recordings the size by each stands beside the common one.
+    With several recordings, the size by each is given in addition to the common one.
     """
     out = []
     for ordinal, j in enumerate(d.judgements):
@@ -258,7 +257,7 @@ def _sensor_element(axis: str, rows: Sequence[Estimate]) -> str:
 
 
 def _advice_of_cards(j: Judgement) -> str:
-    """Return what would show the one and not the other, by the cards of the effects."""
+    """Return the conditions under which only one of two effects acts, by the cards of the effects."""
     if not j.confounded:
         return ""
 
@@ -280,10 +279,10 @@ def _estimates(parameters: Sequence[Parameter], x: Array, sigma: Array) -> list[
 
 
 def drifts_as_one(findings: Sequence[Finding]) -> tuple[Finding, ...]:
-    """The findings, with courses of one bias in time as one: however they are described, they are one drift."""
+    """Return the findings with several time histories of one bias merged: however described, they are one drift."""
     out: list[Finding] = []
     for f in findings:
-        same = next((i for i, first in enumerate(out) if _one_course(first, f)), None)
+        same = next((i for i, first in enumerate(out) if _same_drift(first, f)), None)
         if same is None:
             out.append(f)
             continue
@@ -298,7 +297,7 @@ def drifts_as_one(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     return tuple(out)
 
 
-def _one_course(first: Finding, second: Finding) -> bool:
+def _same_drift(first: Finding, second: Finding) -> bool:
     one, other = CATALOGUE[first.effect], CATALOGUE[second.effect]
     shared = set(first.axis.split(", ")) & set(second.axis.split(", "))
     return one.role.time_drift and other.role.time_drift and one.stage is other.stage and bool(shared)

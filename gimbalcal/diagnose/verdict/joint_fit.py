@@ -5,14 +5,14 @@ noise is averaged over: with the estimate x_k and its covariance P_k in noise k 
 
 .. math:: \hat x = \sum_k p_k x_k, \qquad P = \sum_k p_k \left[ P_k + (x_k - \hat x)(x_k - \hat x)^T \right]
 
-Recordings of one unit add up as information. Sizes of causes are those beside constants that each of several recordings
-has for itself, as a unit may have changed in between; the constants are what all rows say beside these sizes. With the
+The information of recordings of one unit is summed. Sizes of causes are estimated with constants of each recording, as
+a unit may have changed in between; the constants are then estimated from all rows given these sizes. With the
 estimate (z, x) of constants and causes by all rows, its covariance P, and the sizes x' with P',
 
 .. math:: z' = z + K (x' - x), \quad K = P_{zx} P_{xx}^{-1}, \quad P'_{zz} = P_{zz} + K (P'_{xx} - P_{xx}) K^T
 
-How the rig stood on the day, and what happened once in a single one of several, is each recording's own: it is
-eliminated there and not carried. Constants of causes that no fit can move (whole numbers, instants, places) are those
+The set-up of the rig, and single events in one of several recordings, belong to each recording: they are eliminated
+there and not shared. Constants of causes that no fit can move (whole numbers, instants, places) are those
 at which all recordings together fit best.
 """
 
@@ -113,7 +113,7 @@ class RecordingPart:
 
     @cached_property
     def start(self) -> tuple[Effect, ...]:
-        """The model and the causes as this recording alone shows them, fitted together."""
+        """The model and the causes, fitted together to this recording alone."""
         fit, s = self.search.fit, self.search.fit.view.stimulus
         _, with_causes, _ = self.fit.calibration()
         effects = fit.shifted_effects(with_causes)
@@ -127,7 +127,7 @@ class RecordingPart:
     def information(self, effects: Sequence[Effect], wide: Mapping[Parameter, Parameter]) -> Information:
         """Return the information of the rows about all that is fitted, linearised at effects, with `wide` priors.
 
-        Raises InputError where no sensor of these constants reads what was read.
+        Raises InputError if the readings are impossible for sensors of these constants.
         """
         fit, priors = self.search.fit, [wide.get(p, p) for p in self.wanted]
         with np.errstate(all="ignore"):
@@ -367,7 +367,7 @@ def joint_fit(parts: Sequence[RecordingPart], causes: Sequence[Candidate]) -> Jo
 
 
 def _least_squares(part: RecordingPart, wide: Mapping[Parameter, Parameter]) -> Minimum:
-    """Return the fit to one recording, linearised again until nothing moves, by steps that never raise chi^2."""
+    """Return the fit to one recording, relinearised until it converges, by steps that do not increase chi^2."""
     model, wanted, s = part.start, part.wanted, part.search.fit.view.stimulus
     priors, tried = tuple(wide.get(p, p) for p in wanted), dict[bytes, Information]()
 
@@ -384,7 +384,7 @@ def _least_squares(part: RecordingPart, wide: Mapping[Parameter, Parameter]) -> 
         return bool(np.all(np.abs(solution.x - x) <= CONVERGED_SIGMAS * solution.sigma))
 
     bounds, start = range_of_constants(wanted, s), values(model, wanted)
-    baseline = part.search.fit  # whose constants read what was read, where those beside the causes may not
+    baseline = part.search.fit  # its constants reproduce the readings, where those fitted with the causes may not
     without = [p for p in wanted if p in baseline.parameters]
     other = values(with_values(model, without, values(baseline.effects, without), s.axis_names), wanted)
     start = min((start, other), key=lambda x: chi2(linearise(x), x))
@@ -421,13 +421,13 @@ def _smooth_constants(each: Sequence[Information]) -> dict[Parameter, float]:
 def _shared_information(
     parts: Sequence[RecordingPart], each: Sequence[Information], wide: Mapping[Parameter, Parameter]
 ) -> list[Information]:
-    """Return the information of each of several recordings about what holds in the others as well."""
+    """Return the information of each of several recordings about the shared parameters."""
     own = ([wide.get(p, p) for p in part.own(Scope.INSTALLATION, Scope.RECORDING)] for part in parts)
     return [info.without(rest) for info, rest in zip(each, own, strict=True)]
 
 
 def _with_sizes(s: Solution, causes: Solution) -> Solution:
-    """The solution with the causes at their own estimate, the others as they go with it (module docstring)."""
+    """Return the solution with the causes at their own estimate, the others conditioned on it (module docstring)."""
     c = [s.parameters.index(p) for p in causes.parameters]
     P = s.covariance
     scale = s.sigma[c]  # of a covariance with its prior no direction is without variance

@@ -1,7 +1,7 @@
-"""What could stand in the place of a claimed cause: the causes that fit alike, and the probability of all of them.
+"""Alternatives to a claimed cause: the causes that fit alike, and the probability of all of them.
 
-Causes whose evidence, each at its own best size, lies within a factor 20 of the best stand together. A set that is not
-sure is widened by the next likely causes to at most three.
+Causes whose evidence, each at its own best size, lies within a factor 20 of the best are alternatives. A set that is
+not sure is widened by the next likely causes to at most three.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Judgement:
         return tuple(c.effect for c in self.alike)
 
     def instead(self, candidates: Sequence[Candidate]) -> bool:
-        """Return whether one of those that fit alike was found as well: then it stands beside this one."""
+        """Return whether one of those that fit alike was found as well: then both are causes."""
         return any(
             a.effect == c.effect and a.axes & c.axes
             for a in self.alike for c in candidates if c.key != self.cause.key
@@ -70,9 +70,9 @@ class Judgement:
 
 
 def judge_member(s: Ranking, member: int, others: Sequence[int], scores: Array, with_rest: bool) -> Judgement:
-    """Return what fits alike in the place of a member beside others, and the probability of all of these causes.
+    """Return what fits alike in the place of a member given the others, and the probability of all of these causes.
 
-    scores (candidates,): `best_evidence` beside the others; with_rest: a shape is claimed as well.
+    scores (candidates,): `best_evidence` given the others; with_rest: a shape is claimed as well.
     """
     p, candidates = s.posterior(), s.library.candidates
     alike = fits_alike(s, member, others, scores)
@@ -99,13 +99,13 @@ def _probability_of_any(s: Ranking, p: Array, alike: Sequence[int], with_rest: b
     return float(UNSURE_FACTOR * total if with_rest else total)
 
 
-def fits_alike(s: Ranking, member: int, beside: Sequence[int], scores: Array) -> tuple[int, ...]:
+def fits_alike(s: Ranking, member: int, others: Sequence[int], scores: Array) -> tuple[int, ...]:
     """Return the candidates of other ids whose evidence at their own best size is within a factor 20 of this one's."""
     candidates = s.library.candidates
     alike = [
         int(i)
         for i in np.argsort(-scores)
-        if scores[i] > scores[member] - SEPARATION_EVIDENCE and not candidates[i].rival and i not in beside
+        if scores[i] > scores[member] - SEPARATION_EVIDENCE and not candidates[i].rival and i not in others
     ]
     return _distinct_candidates(candidates, member, alike)
 
@@ -120,15 +120,15 @@ def _distinct_candidates(candidates: Sequence[Candidate], member: int, alike: Se
 
 
 def _widen_alternatives(
-    s: Ranking, p: Array, member: int, alike: tuple[int, ...], beside: Sequence[int]
+    s: Ranking, p: Array, member: int, alike: tuple[int, ...], others: Sequence[int]
 ) -> tuple[int, ...]:
     """Add the next likely causes until the set is sure or has three."""
     candidates = s.library.candidates
     for h, share in zip(s.hypotheses, p, strict=True):
         if share < MIN_WIDENING_PROBABILITY:
             break
-        extra = [i for i in h.members if i not in beside]
-        if len(h.members) != len(beside) + 1 or h.unknown(candidates) or len(extra) != 1:
+        extra = [i for i in h.members if i not in others]
+        if len(h.members) != len(others) + 1 or h.unknown(candidates) or len(extra) != 1:
             continue
         if len(alike) >= MAX_ALTERNATIVES - 1 or _probability_of_any(s, p, (member, *alike)) >= SURE_PROBABILITY:
             break
@@ -138,9 +138,9 @@ def _widen_alternatives(
 
 
 def best_evidence(s: Ranking, others: Sequence[int] = ()) -> Array:
-    """Return ln evidence (candidates,) of each known cause at its best size, beside others, relative to nothing.
+    """Return ln evidence (candidates,) of each known cause at its best size, given others, relative to nothing.
 
-    Of several recordings the size is the same in all.
+    The size is common to several recordings.
     """
     one = s.searches[0] if len(s.searches) == 1 else None
     ln = _evidence_of_common_size(s, others) if one is None else _evidence_of_any_size(one, others)
@@ -159,7 +159,7 @@ def _evidence_of_any_size(s: Search, others: Sequence[int]) -> Array:
 def _evidence_of_common_size(c: Ranking, others: Sequence[int]) -> Array:
     """Return the same of several recordings, at the best plausible size common to all.
 
-    A size of its own in each would excuse a cause for being strong in one recording and absent from the next.
+    With independent sizes a cause could be strong in one recording and absent from the next.
     """
     values, without = [], []
     for k, s in enumerate(c.searches):
@@ -176,9 +176,9 @@ def _evidence_of_common_size(c: Ranking, others: Sequence[int]) -> Array:
 def judged_without(end: Fit, taken: Candidate) -> Judgement:
     """Return the judgement of one cause from the view searched again without it, the others kept in the model.
 
-    What another cause would explain beside this one as well does not speak against this one: the two are a pair. Where
-    nothing at all is claimed in its place, in noise with a memory, its probability is none: of a hundred causes one
-    follows such a noise.
+    What another cause would explain in addition to this one as well is no evidence against this one: the two are a
+    pair. Where nothing at all is claimed in its place, in correlated noise, its probability is zero: one of a hundred
+    causes fits such a noise by chance.
     """
     own = {p.label for p in taken.parameters}
     wanted = [p for p in end.parameters if p.label not in own]
@@ -215,7 +215,7 @@ def spread_of_number(s: Search, cause: Candidate) -> float:
     """Return one sigma of the whole number of a cause that was scanned: half of the central interval of 68 %.
 
     Several peaks of a scan may explain a misfit alike, as the teeth of a worm and three times as many, so that the
-    curvature at one of them says too little. Whatever the terms of a series, the number is the same.
+    curvature at one of them underestimates it. The number is the same for all terms of a series.
     """
     values, ln = list[float](), list[float]()
     for c in s.library.candidates:

@@ -1,4 +1,4 @@
-r"""Where the mismatch is: in a known noise by a scan over places, times and covariates, else the shapes it follows.
+r"""Location of the misfit: in known noise a scan over positions, times and covariates, else the shapes that it follows.
 
 Residuals of a known noise are whitened and the calibration is profiled out. The statistic of a cell is the misfit that
 its columns could take away, chi^2 with as many degrees of freedom. Cells overlap and are many, so the p-value that
@@ -61,12 +61,12 @@ class Scan:
 
     @property
     def p_value(self) -> float:
-        """Probability that a clean recording looks as bad somewhere."""
+        """Probability that a clean recording has an equally extreme cell."""
         return float(self.p_values.min(initial=1.0))
 
 
 def scan_data(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, explained: Array | None = None) -> Scan:
-    """Scan the data (or what is left beside `explained` columns (R, p)) in one noise."""
+    """Scan the data (or what `explained` columns (R, p) leave of them) in one noise."""
     Q = rows.Q
     if explained is not None and explained.shape[1]:
         Q = np.concatenate([Q, orthonormal(beyond(Q, explained) / np.abs(explained).max())], axis=1)
@@ -252,7 +252,7 @@ def _pattern_entry(m: Fit, c: Candidate, F: float, p: float) -> Mismatch:
 
 
 def largest_misfit(m: Fit, sigma: Array) -> tuple[Mismatch, ...]:
-    """The channel that the baseline misses by most, against the scatter that is left in the end."""
+    """Return the channel with the largest misfit of the baseline, relative to the scatter in the end."""
     v, square = m.view, ((m.residual / sigma) ** 2).mean(axis=0)
     axis = v.channels[int(np.argmax(square))][1]
     i, size = _channel(m, axis)

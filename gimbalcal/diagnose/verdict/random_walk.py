@@ -1,4 +1,4 @@
-r"""A random walk of a single sensor, and what it leaves of the probability of a cause that would be named without it.
+r"""A random walk of a single sensor, and the probability, given this alternative, of a cause that would be named.
 
 A walk has no law, so what it explains has no known cause: the verdict is `unexplained`, and the shape a random walk.
 Where walk and cause are within a factor of 20 of each other both are reported: the cause with its share of
@@ -35,8 +35,8 @@ STEP, STEP_OF_TRIADS = (float(np.log(grid[1] / grid[0])) for grid in (SINGLE_WAL
 class PartOfWalk(Enum):
     """The part that the random walk of one sensor has in a verdict."""
 
-    NONE = "causes or a shape stand without it"
-    BESIDE = "causes stand, and the walk as well"
+    NONE = "the causes or the shape are kept without it"
+    ADDITIONAL = "the causes are kept, and the walk is reported in addition"
     SHARED = "a cause that is named without it is about as likely"
     INSTEAD = "no cause is as likely; it competes with formulas"
 
@@ -71,7 +71,7 @@ class RandomWalkFinding:
         return Shape(f"{channel} of recording {self.recording}", SHAPE, recordings=(self.recording,))
 
     def share_of(self, probability: float) -> float:
-        """Return what the walk leaves of the probability of a cause."""
+        """Return the probability of a cause given the walk as an alternative."""
         return float(probability / (1 + np.exp(self.ln_odds)))
 
 
@@ -81,12 +81,12 @@ def part_of_walk(ln_odds: float, named: bool, shaped: bool, named_without: bool)
     named, shaped: whether causes or a shape are claimed in noises with the walk; named_without: causes in the others.
     """
     if named or (shaped and ln_odds <= CLAIM):
-        return PartOfWalk.BESIDE if named and ln_odds > CLAIM else PartOfWalk.NONE
+        return PartOfWalk.ADDITIONAL if named and ln_odds > CLAIM else PartOfWalk.NONE
     return PartOfWalk.SHARED if named_without and ln_odds <= CLAIM else PartOfWalk.INSTEAD
 
 
 def decide_with_walk(s: Ranking, without_walks: Ranking, needed: float) -> tuple[Decision, RandomWalkFinding | None]:
-    """Return the verdict, and the accelerometer that walks alone where that has a part in it.
+    """Return the verdict, and the accelerometer with a random walk if that is a part of it.
 
     `without_walks` is the same search, or those of several recordings, without such noises; `needed` the ln Bayes
     factor that clean recordings of this design reach.
@@ -130,13 +130,13 @@ def _walk_in(s: Search) -> RandomWalkFinding | None:
 
 
 def without_single_walks(s: Ranking) -> Ranking:
-    """Return the ranking in the noises in which no accelerometer walks alone."""
+    """Return the ranking in the noises without a random walk of a single accelerometer."""
     each = [_in_common_noises(one) for one in s.searches]
     return s if all(a is b for a, b in zip(each, s.searches, strict=True)) else combine_rankings(each)
 
 
 def _in_common_noises(s: Search) -> Search:
-    """Return the search in the noises in which no accelerometer walks alone."""
+    """Return the search in the noises without a random walk of a single accelerometer."""
     kept = np.array([not p.node.single_walk for p in s.projections])
     if kept.all():
         return s
@@ -166,7 +166,7 @@ def likeliest_walk(
     nodes: Sequence[Node], weight: Array, units: Mapping[str, Array], quantity: str, ln_odds: float, ln_total: float,
     step: float = STEP,
 ) -> RandomWalkFinding:  # fmt: skip
-    """Return the likeliest sensor to walk alone in noises of this weight (nodes,), and the size of its walk.
+    """Return the sensor that most likely has a walk in noises of this weight (nodes,), and the size of its walk.
 
     units: of the noise in each of the nodes (nodes,), SI, by axis; step: ln of the ratio of successive sizes.
     """

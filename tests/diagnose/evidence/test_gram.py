@@ -21,7 +21,7 @@ def test_every_product_is_that_of_the_matrix():
     np.testing.assert_array_equal(half.diagonal, np.diag(G))
     index = np.array([[4, 0], [2, 6]])
     np.testing.assert_array_equal(half.block(index), G[index[:, :, None], index[:, None, :]])
-    np.testing.assert_array_equal(half.beside(np.array([3, 1])), G[:, [3, 1]])
+    np.testing.assert_array_equal(half.with_all(np.array([3, 1])), G[:, [3, 1]])
 
 
 def test_what_columns_in_the_model_leave_is_schurs_complement_one_after_the_other():

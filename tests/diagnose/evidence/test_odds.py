@@ -7,7 +7,7 @@ from gimbalcal.diagnose.evidence import odds
 
 
 def test_the_shares_of_what_may_be_missing_make_a_whole():
-    assert odds.SINGLE + odds.PAIR + odds.UNKNOWN + odds.BESIDE == pytest.approx(1.0)
+    assert odds.SINGLE + odds.PAIR + odds.UNKNOWN + odds.CAUSE_AND_SHAPE == pytest.approx(1.0)
 
 
 def test_a_claim_holds_its_false_alarms_by_markov():

@@ -180,7 +180,7 @@ def test_a_strong_law_is_no_random_walk():
     bump = lambda b: plant.on(1, np.exp(-(((b.t - 1300.0) / 170.0) ** 2)))  # noqa: E731
     d = diagnose([plant.record(np.random.default_rng(376), bump, 208 * plant.UG, rows=120)])
     (law,) = d.laws
-    assert law.beside == ()
+    assert law.known_effects == ()
     assert {p.name: p.value for p in law.parameters} == pytest.approx({"a": 208, "x0": 1300, "w": 170}, rel=0.05)
     assert "wanders" not in d.outcome
 
@@ -397,10 +397,10 @@ def test_what_has_a_name_keeps_it_beside_a_law(tmp_path):
     a, b = law["parameters"]
     assert abs(a["value"] + 4.0) < 5 * a["sigma"] < 2 or abs(a["value"] - 4.0) < 5 * a["sigma"] < 2
     assert abs(b["value"]) < 4 * b["sigma"]
-    assert law["beside"] == ["encoder_eccentricity:azimuth"]
+    assert law["known_effects"] == ["encoder_eccentricity:azimuth"]
     (tmp_path / "law.py").write_text(source_text(d.laws))
     load_effects(tmp_path / "law.py")
-    made = calibrate(r, more=[*law["beside"], law["with"]])
+    made = calibrate(r, more=[*law["known_effects"], law["with"]])
     assert made.outcome == ""
     told = headline(d)
     golden_text(told)

@@ -80,7 +80,7 @@ def test_a_free_origin_stands_in_products_alone():
     pair = Expression((Term(T, FORMS["x"], (), 1), Term(f, FORMS["x"], (), 1)))
     assert pair.factors == [(-1, 0), (0, 0)]
     assert Expression((Term(T, FORMS["x"], (), 1),)).factors == [(0,)]
-    assert set(PRODUCT_FORMS) == {"force", "angle", "rate", "time", "since", "logged", "course", "move"}
+    assert set(PRODUCT_FORMS) == {"force", "angle", "rate", "time", "since", "logged", "temperature rate", "move"}
 
 
 def test_what_goes_with_time_is_no_second_variable_of_a_product():

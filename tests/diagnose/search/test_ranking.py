@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from gimbalcal.diagnose.evidence.odds import BESIDE, PAIR, SINGLE, UNKNOWN
+from gimbalcal.diagnose.evidence.odds import CAUSE_AND_SHAPE, PAIR, SINGLE, UNKNOWN
 from gimbalcal.diagnose.evidence.scale import SIZE_PRIOR, SIZES
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.library.candidates import Library
 from gimbalcal.diagnose.search.ranking import (
     candidates_overlap,
-    evidence_beside,
+    evidence_of_sets,
     log_priors,
     projection_given,
     promising_pairs,
@@ -68,7 +68,7 @@ def test_a_second_cause_is_judged_with_the_first_in_the_model_at_its_best_size()
     pair = logsumexp(np.array([dense(one, [first, second], (best, size), 0) for size in SIZES]) + np.log(SIZE_PRIOR))
     gained = logsumexp(np.array(alone) + np.log(SIZE_PRIOR)) - dense(one, [], (), 0)
     truth = gained + pair - dense(one, [first], (best,), 0)
-    found = evidence_beside(one, (i,), [j], 1)[0]
+    found = evidence_of_sets(one, (i,), [j], 1)[0]
     assert found == pytest.approx(float(truth), abs=1e-3)
     assert projection_given(one.projections[0], one.library.candidates[i])[1] == pytest.approx(float(gained), abs=1e-4)
 
@@ -104,7 +104,7 @@ def test_shares_of_the_prior_make_a_whole():
 
 
 def test_pairs_share_what_is_theirs():
-    """Every pair of two known causes once, all together `PAIR`; with a shape beside, `BESIDE`."""
+    """Every pair of two known causes once, all together `PAIR`; with a shape beside, `CAUSE_AND_SHAPE`."""
     c = S.library.candidates[:3]
     everything = (*c, S.library.candidates[3])
     prior = log_priors(everything)
@@ -117,9 +117,9 @@ def test_pairs_share_what_is_theirs():
     assert set(known_pairs) == {(0, 1), (0, 2), (1, 2)}
     np.testing.assert_allclose(list(known_pairs.values()), 2 * PAIR / 9)
     odd = {h.members: np.exp(h.ln_weight - h.ln_bayes) for h in found if h.unknown(everything)}
-    np.testing.assert_allclose(list(odd.values()), BESIDE / 3)
+    np.testing.assert_allclose(list(odd.values()), CAUSE_AND_SHAPE / 3)
     assert all(h.members[-1] == 3 for h in found if h.unknown(everything))
-    assert SINGLE + UNKNOWN + PAIR + BESIDE == pytest.approx(1.0)
+    assert SINGLE + UNKNOWN + PAIR + CAUSE_AND_SHAPE == pytest.approx(1.0)
 
 
 def test_an_effect_on_all_axes_is_no_second_beside_one_of_them():
