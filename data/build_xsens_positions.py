@@ -34,7 +34,7 @@ Made by: python data/build_xsens_positions.py xsens_acc.mat xsens_gyro.mat
 
 
 def main(files: list[str]) -> None:
-    """Write the folder beside this script."""
+    """Write the recording into the folder of this script."""
     means = import_files("imu-tk", files, {"means": "yes", "title": TITLE})
     hashes = ", ".join(f"{source.path} {source.sha256}" for source in means.source)
     write(means, Path(__file__).parent / "xsens_positions", comment=ABOUT.format(hashes=hashes).strip().splitlines())

@@ -219,7 +219,7 @@ def _filtered() -> Any:
 
 
 def square_root_filter() -> float:
-    """Return the last epoch of the filter of a few states beside constants: mean and covariance."""
+    """Return the last epoch of the filter of a few states together with constants: mean and covariance."""
     f = _filtered()
     means, spreads = joint_solution()
     mean = np.concatenate([f.x[-1], f.theta[-1]])
@@ -235,7 +235,7 @@ def adjoint_smoother() -> float:
 
 
 def adjoint_covariance() -> float:
-    """Return covariances of the moving states at every epoch, the constants taken apart."""
+    """Return covariances of the moving states at every epoch, the constants treated separately."""
     from gimbalcal.inference import adjoint, square_root_filter
 
     e, observed = _example(), np.array([0])

@@ -274,7 +274,7 @@ def stated_calibration() -> float:
     c = calibration_of_fit(fit)
     off = np.abs(np.asarray(values(c.effects, fit.wanted)) - fit.theta).max() / np.abs(BIASES).min()
     scale = np.array([p.sigma for p in fit.wanted])
-    P = (fit.last.factor @ fit.last.factor.T) * np.outer(scale, scale)  # beside a prior of ten times the usual sigmas
+    P = (fit.last.factor @ fit.last.factor.T) * np.outer(scale, scale)  # with a prior of ten times the usual sigmas
     return float(max(off, np.abs(np.sqrt(np.diag(c.covariance) / np.diag(P)) - 1).max()))
 
 

@@ -159,8 +159,8 @@ def next_step(
 ) -> NextPlan:  # fmt: skip
     """Return what to record next, so that the largest unknown shrinks most in its time, as `gimbalcal next`.
 
-    recordings: dwells of a unit, one or more, and static runs beside them; or a unit that is turned in its place. more:
-    effects to estimate beside the usual ones; separate: effects, EFFECT[:AXIS], to separate from each other; reach: a
+    recordings: dwells of a unit, one or more, with static runs; or a unit that is turned in its place. more: effects
+    to estimate in addition to the usual ones; separate: effects, EFFECT[:AXIS], to separate from each other; reach: a
     schedule, its name or its file, whose sigmas are to be reached; step [deg] of the angles of a rig; most: how many
     steps are named; grade: as `--grade`; states: as `--states`, of turns. Raises InputError for other recordings.
     """

@@ -1,4 +1,4 @@
-"""Loops over samples that numba compiles; the machine code is kept beside the source, or in the user's cache."""
+"""Loops over samples that numba compiles; the machine code is cached in the folder of the source or of the user."""
 
 from __future__ import annotations
 

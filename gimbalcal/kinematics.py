@@ -131,7 +131,7 @@ def lost_to_averaging(recording: Recording, force: Array) -> Array:
 
 
 def mean_shortening(recording: Recording) -> Array:
-    r"""Return 1 - kappa (n,) of rows that are means of m samples h apart; zero for single samples.
+    r"""Return 1 - kappa (n,) of rows that are means of m samples at intervals h; zero for single samples.
 
     .. math:: \overline{\cos S_t} = \kappa \cos S_t(\bar t), \qquad
               \kappa = \frac{\sin(m \Omega h / 2)}{m \sin(\Omega h / 2)}

@@ -92,7 +92,7 @@ _METHODS = (
            "both triads of a unit that is turned in its place, by navigation, no angle trusted",
            several=True, options=("more", "states"), requires=("angular_rate",)),
     Method("attitude", "estimate.gyroscopes.against_attitude:gyroscopes_against_attitude",
-           "moving gyroscopes against an attitude that was logged beside them", requires=("angular_rate", "attitude")),
+           "moving gyroscopes against an attitude that was logged with them", requires=("angular_rate", "attitude")),
     Method("rate-table", "estimate.gyroscopes.rate_table:calibrate_on_a_table",
            "gyroscopes against the angles of a table at steady rates, one recording for each mounting",
            several=True, options=("more",), requires=("angular_rate", "gimbal_angle"), excludes=("specific_force",)),

@@ -98,7 +98,7 @@ for _effect, _block in COLUMNS.items():
 
 @checks(SOURCE, "Eq. (22)", where="estimate.systematic.state_lists")
 def number_of_states() -> float:
-    """States of the filter beside navigation, and which."""
+    """Return the number of differences from the derived list of states, except those of navigation."""
     missing = set(_derived()) ^ set(_columns())
     return float(len(missing) + abs(9 + len(_columns()) - error_model.number_of_states()))
 

@@ -20,7 +20,7 @@ from derivations.readings import BETA, FORCE, RATE, TURN, package_slopes
 from derivations.wei2022 import sensors, table_1, tables
 from derivations.wei2022.symbols import NAMES, SOURCE, dA_a, dA_g, dK_a, dK_g, epsilon, f, nabla, omega
 
-# element of dA in terms of beta: Eq. (5) of Wu et al. has the reading's matrix beside the diagonal
+# element of dA in terms of beta: Eq. (5) of Wu et al. has the reading's matrix off the diagonal
 ELEMENT = {"xz": ("xy", 1), "xy": ("xz", -1), "yz": ("yx", -1), "yx": ("yz", 1), "zy": ("zx", 1), "zx": ("zy", -1)}
 
 

@@ -20,11 +20,9 @@ from derivations.wei2022.symbols import dA_a, dA_g, dK_a, dK_g, epsilon, f, inst
 column = sp.Matrix
 
 
-def _printed(constant: Any, diagonal: Any, beside: Any, true: Any) -> Any:
-    """Return the constant and the one matrix of (7) or (8), `beside` its elements off the diagonal, times the true
-    input.
-    """
-    rows = [[diagonal[i] if i == j else beside.get((i, j), 0) for j in range(3)] for i in range(3)]
+def _printed(constant: Any, diagonal: Any, off_diagonal: Any, true: Any) -> Any:
+    """Return the constant plus the single matrix of (7) or (8) times the true input."""
+    rows = [[diagonal[i] if i == j else off_diagonal.get((i, j), 0) for j in range(3)] for i in range(3)]
     return column(constant) + sp.Matrix(rows) * column(true)
 
 

@@ -388,14 +388,14 @@ def navigation_errors() -> float:
     return float(np.abs(error - np.column_stack([np.tile(off, (5, 1)), attitude])).max())
 
 
-@checks(SOURCE, "Eq. (28)", "Eq. (29)", "Eq. (34)", where="navigate.static_run.half_apart", tolerance=1e-6)
+@checks(SOURCE, "Eq. (28)", "Eq. (29)", "Eq. (34)", where="navigate.static_run.half_difference", tolerance=1e-6)
 def halves_of_pairs() -> float:
     """Half of what two runs of opposite errors differ by, against their own navigations, over the largest error.
 
     The errors are those of Tables 2 and 3 with both signs; what is left is of the third order.
     """
     from gimbalcal.navigate.space_stable_navigator import Aids
-    from gimbalcal.navigate.static_run import half_apart, platform_navigated
+    from gimbalcal.navigate.static_run import half_difference, platform_navigated
 
     phase = 0.2 + EARTH * 10.0 * np.arange(121)
     error = G_NORMAL * _first_order_errors(phase)
@@ -403,7 +403,7 @@ def halves_of_pairs() -> float:
     aids = Aids(alignment=60.0)
     each = [platform_navigated(run, None, aids, "") for run in pair]
     derived = (each[0].error - each[1].error) / 2
-    return float(np.abs((half_apart([tuple(pair)], aids)[..., 0] - derived) / np.abs(derived).max(axis=0)).max())
+    return float(np.abs((half_difference([tuple(pair)], aids)[..., 0] - derived) / np.abs(derived).max(axis=0)).max())
 
 
 def _first_order_errors(phase: Any) -> Any:

@@ -105,7 +105,7 @@ class AlternativeSolution(Entry):
 
 @dataclass(frozen=True)
 class Options(Entry):
-    """What was asked of a method, and what it reports beside its parameters.
+    """The options of a method, and what it reports in addition to its parameters.
 
     gyro: those of the gyroscopes in a calibration of both triads, written with the prefix `gyro_`.
     """

@@ -37,9 +37,9 @@ def run_campaign(
     """Run a scenario n times into `out` (campaign.parquet, campaign.json) and return what campaign.json holds.
 
     workers: processes on this machine (default: its cores; 1 computes in this process). scheduler: address of a Dask
-    scheduler to use instead. progress is reported after each share. A stopped campaign goes on when it is called again.
-    page: the text of a report.html that is written beside the numbers, from what campaign.json holds. overwrite:
-    another campaign that is in `out` gives way.
+    scheduler to use instead. progress is reported after each share. A stopped campaign is resumed by the next call.
+    page: returns the text of report.html, which is written with the numbers, from the content of campaign.json.
+    overwrite: another campaign in `out` is replaced.
     """
     if n < 1:
         raise InputError(f"-n must be at least 1, got {n}")

@@ -91,14 +91,14 @@ def true_angles_of_many_turns(e: Examined) -> str:
 
 
 def readouts_against_stars(e: Examined) -> str:
-    """Refuse readouts and stars that are further apart than on any mount, with the correction that explains it."""
+    """Refuse readouts that differ from the stars by more than on any mount, with the correction that explains it."""
     if (sky := e.once(_sky)) is None:
         return ""
     distance, extent = sky.separation(AS_STATED)
     if distance < MAX_SEPARATION_RAD:
         return ""
     stated = (
-        f"readouts and stars are {np.degrees(distance):.3g} deg apart on the sky (the median of "
+        f"readouts and stars differ by {np.degrees(distance):.3g} deg on the sky (the median of "
         f"{len(sky.read)}, zeros of both axes allowed for)"
     )
 

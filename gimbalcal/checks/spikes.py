@@ -31,7 +31,7 @@ Rows = NDArray[np.int64]
 
 MIN_RATIO = 40.0  # medians of |d|, 37 sigma of white noise: beyond any noise of a sensor, heavy tails included
 MAX_DISTANCE = 1.5 * (1 + 1e-9)  # of |d|, in first differences of the rows about it
-MIN_RATIO_SLOW = 20.0  # the same where rows are seconds apart, or means, and the unit does not move in any
+MIN_RATIO_SLOW = 20.0  # the same for rows at intervals of seconds, or means, in none of which the unit moves
 MAX_RATIO_OTHERS = 10.0  # medians of |d| by which a channel may be off in the row of a spike of another
 MAX_SPREAD = 0.2  # of the spike: difference between predictions from different neighbours
 STRETCH = 32  # rows
@@ -50,8 +50,8 @@ def spikes(channels: Mapping[str, Array], slow: bool = False, least: float = 0.0
     """Return the rows (n,) of each channel of a triad in which it has a spike, of up to `MAX_WIDTH` rows.
 
     A spike may be in one channel or in several; where another channel is shaken without a spike, it is a knock. slow:
-    rows are so far apart that none shows how a knock rings. least: size of the smallest relevant spike of a channel
-    that stands still.
+    the sampling interval is too long to show the ringing of a knock. least: size of the smallest relevant spike of a
+    channel that stands still.
     """
     ratio = MIN_RATIO_SLOW if slow else MIN_RATIO
     out = {name: np.zeros(len(x), dtype=bool) for name, x in channels.items()}

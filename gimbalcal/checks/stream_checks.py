@@ -197,7 +197,7 @@ class StreamChecks:
                 "part its own recording"
             )
         what = "stands still" if dt == 0 else f"jumps back by {-dt:.6g} {unit}"
-        coarse = ", or state how coarse it is, as resolution beside its unit" if self.numbered and dt == 0 else ""
+        coarse = ", or state how coarse it is, as resolution next to its unit" if self.numbered and dt == 0 else ""
         return (
             f"the clock {what} at {t:.10g} {unit}; time must grow from row to row, so sort the rows and "
             f"leave out what was logged twice{coarse}"

@@ -79,7 +79,7 @@ def keep_result(store: Path | None, unit: str, kind: str, content: Json) -> None
     "--method",
     type=click.Choice(NAMED_BY_USERS),
     default=None,
-    help=f"Left out, the kind of recording says it. "
+    help=f"Default: by the kind of recording. "
     f"{'; '.join(f'{name}: {METHODS[name].in_words}' for name in NAMED_BY_USERS)}.",
 )
 @names_option("--terms", "multiposition, and mounts: terms to estimate (see the report).")
@@ -121,7 +121,7 @@ def calibrate(
         keep_result(store, unit, "calibration", calibration.to_dict())
     content = each[0][0].to_dict()
     if len(each) > 1:
-        content["beside"] = {loaded[0].sensor: c.to_dict() for c, loaded in each[1:]}
+        content["other_sensors"] = {loaded[0].sensor: c.to_dict() for c, loaded in each[1:]}
     sentences = [(f"{r[0].title}: " if len(each) > 1 else "") + calibration_in_words(c) for c, r in each]
     checks = each[0][0].provenance.options.cross_check or ()
     output.table("\n\n".join(f"{r[0].title}\n{parameters_table(c)}" for c, r in each))
@@ -170,7 +170,8 @@ def diagnose(
             keep_result(store, unit, "calibration", diagnosis.calibration.to_dict())
     content, sentences, checks = diagnoses[0].to_dict(), [headline_and_numbers(diagnoses[0])], []
     if len(diagnoses) > 1:
-        content["beside"] = {group[0].sensor: d.to_dict() for group, d in zip(groups[1:], diagnoses[1:], strict=True)}
+        others = zip(groups[1:], diagnoses[1:], strict=True)
+        content["other_sensors"] = {group[0].sensor: d.to_dict() for group, d in others}
         sentences = [f"{group[0].title}: {headline_and_numbers(d)}" for group, d in zip(groups, diagnoses, strict=True)]
         refits = [(d.calibration, group) for d, group in zip(diagnoses, groups, strict=True) if d.calibration]
         checks = cross_checks(refits, progress) if len(refits) == len(diagnoses) else []

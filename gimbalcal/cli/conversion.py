@@ -182,7 +182,7 @@ def new(
 
     LOGS are text tables of any layout, messages and JSON lines, MATLAB, HDF5, NumPy, Parquet and JSON files, records of
     doubles, guide logs of PHD2, files of TPOINT and of the MMT. The reason for each choice is printed and
-    stands beside it in recording.toml.
+    written next to it in recording.toml.
     """
     from gimbalcal.atomic import write as write_text
     from gimbalcal.guess.proposal import propose_recording

@@ -23,12 +23,12 @@ F = TypeVar("F", bound=Callable[..., Any])
 OWN_EFFECTS = "gimbalcal.effects"  # under which a run's context has the files of --effects
 PROGRESS_INTERVAL_S = 10.0  # without a message, after which long work reports that it continues
 SEED = click.IntRange(min=0)
-RUNS = click.IntRange(1, 10_000_000)  # of a campaign, tries of a search: of more a list takes longer than anybody waits
-DRAWS = click.IntRange(1, 10_000)  # behind a sigma, which these tell to 0.7 % already
+RUNS = click.IntRange(1, 10_000_000)  # of a campaign, trials of a search; more would take too long
+DRAWS = click.IntRange(1, 10_000)  # for an estimate of sigma, which 10,000 determine to 0.7 %
 
 
 class FilePath(click.Path):
-    """A path: a link that leads to itself, which the system cannot follow, is none."""
+    """A path that the system can follow: a link that leads to itself is refused."""
 
     def __init__(self, path_type: type[Any] = Path) -> None:
         super().__init__(path_type=path_type)
@@ -46,7 +46,7 @@ class FilePath(click.Path):
 
 
 class Number(click.FloatRange):
-    """A number of a range: nan and inf, which no range of its own refuses, are none."""
+    """A finite number of a range: nan and inf, which click accepts in any range, are refused."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Return the number. Fails for one that is not finite."""
@@ -57,7 +57,7 @@ class Number(click.FloatRange):
 
 
 POSITIVE, LATITUDE = Number(0, 1e9, min_open=True), Number(-90, 90)
-NOISE = Number(1e-12, 1e9)  # beyond, squares of it are lost beside each other
+NOISE = Number(1e-12, 1e9)  # beyond, squares of it are lost by cancellation
 
 
 def example(*commands: str) -> str:

@@ -1,11 +1,11 @@
 r"""Positions, hours and temperatures that let a law in given variables be distinguished from what could imitate it.
 
-A law that nobody knows is represented by flexible functions of its variables, added to each accelerometer: harmonics of
+An unknown law is represented by flexible functions of its variables, added to each accelerometer: harmonics of
 a gimbal angle, Legendre polynomials of a force, of time and of temperature, or products of those of two variables. Its
 confounders are the calibration and the same functions of everything else that varies: time, temperature, the other
 gimbals and forces, each factor of a product by itself, and with time in the place of temperature. With information F of
-all of them, the positions maximise what is known of calibration and law beside the others, :math:`-\ln\det P_{cl}`
-with P the inverse of F, and
+all of them, the positions maximise the joint information on calibration and law given the others,
+:math:`-\ln\det P_{cl}` with P the inverse of F, and
 
 .. math:: \mathrm{share} = \left( \det P^0_{ll} / \det P_{ll} \right)^{1 / q}, \quad
     P^0 : \text{without confounders} ,

@@ -7,10 +7,10 @@ temperature; or some hours more of a static run) changes it by
 
 .. math:: P - P A^T (I + A P A^T)^{-1} A P ,
 
-and is worth the decrease of :math:`\sum_p P_{pp} / s_p^2` per hour, turning and waiting included. s is the usual size
-of a parameter, so that what is known worst in terms of it dominates; or the sigma that is to be reached. Of effects to
-separate only their own parameters count, all others being estimated too: their expected log Bayes factor against each
-other, at usual size b, is :math:`\tfrac12 b^T (P_{ii}^{-1} - I) b`, as in `diagnose.verdict.separation`.
+and its gain is the decrease of :math:`\sum_p P_{pp} / s_p^2` per hour, turning and waiting included. s is the usual
+size of a parameter, so that the least known one in terms of it dominates; or the sigma that is to be reached. Of
+effects to separate only their own parameters count, all others being estimated too: their expected log Bayes factor
+against each other, at usual size b, is :math:`\tfrac12 b^T (P_{ii}^{-1} - I) b`, as in `diagnose.verdict.separation`.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def next_step(
 ) -> NextPlan:  # fmt: skip
     """Return what to record next, of dwells and static runs of a unit.
 
-    more: effects to estimate beside the baseline; separate: effects, EFFECT[:AXIS], to be separated from each other,
+    more: effects to estimate with the baseline; separate: effects, EFFECT[:AXIS], to be separated from each other,
     which are then estimated too; reach: a schedule whose sigmas are to be reached, at the noise and duration of these
     dwells; step [deg] of the angles of a rig; most: how many steps; grade: of the unit, for the usual sizes, else that
     of its noise; prior: sigmas [SI] by label in place of usual sizes. Raises InputError for other kinds of recordings.

@@ -46,7 +46,7 @@ def next_turn(
 ) -> NextPlan:  # fmt: skip
     """Return which turn to record next, of recordings of a unit that was turned in its place.
 
-    state_list: `state_lists.states`; more: effects to estimate beside them; separate: effects, EFFECT[:AXIS], to be
+    state_list: `state_lists.states`; more: effects to estimate in addition; separate: effects, EFFECT[:AXIS], to be
     separated from each other; reach: a schedule of turns whose sigmas are to be reached, at the noise of the last
     recording; most: how many turns; prior: sigmas [SI] by label of a parameter, else those of the grade of the unit.
     Raises InputError for recordings that cannot be navigated, or whose estimates do not converge.

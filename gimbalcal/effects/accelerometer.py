@@ -26,7 +26,7 @@ def misalignment_matrix(beta: Array) -> Array:
 
 
 def angles_of(C: Array) -> Array:
-    """Return beta (6,) of C_p^a (3, 3), or of anything that has these angles beside the diagonal."""
+    """Return beta (6,) of C_p^a (3, 3), or of any matrix with these angles off the diagonal."""
     return np.array([-C[0, 2], C[0, 1], -C[1, 0], C[1, 2], -C[2, 1], C[2, 0]])
 
 

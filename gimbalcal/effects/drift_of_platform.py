@@ -165,7 +165,7 @@ class GyroDiurnalDrift(PlatformTurn):
 
     def contribution(self, s: Stimulus) -> Array:
         """Return the rotation in platform axes [rad], (n, 3)."""
-        phase = (SOLAR_RATE * s.time)[..., None]  # integrated in closed form: exact however far apart the samples are
+        phase = (SOLAR_RATE * s.time)[..., None]  # integrated in closed form: exact for any sampling interval
         return (self.A * (1 - cos(phase)) + self.B * sin(phase)) / SOLAR_RATE
 
     def dynamics(self, s: Stimulus) -> Dynamics:

@@ -63,7 +63,7 @@ class Grid(Enum):
 
     VALUE = "any value: even steps, of the logarithm where it is positive"
     LAG = "a time constant: even steps of its logarithm, as short as the rows and as long as three recordings tell"
-    PERIOD = "a period that is nearly known: within 5 % of it, a third of a line width apart"
+    PERIOD = "a period that is nearly known: within 5 % of it, in steps of a third of a line width"
     DECAY = "a rate at which something dies away: none, and what shows within the recording"
     WHOLE = "a whole number: each one that the angles distinguish, even steps of the logarithm where these are many"
     EPOCH = "an instant: the beginning of each visit, or even steps where nothing moves; it comes once"

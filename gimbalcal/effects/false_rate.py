@@ -1,7 +1,7 @@
-r"""False rates: what a gyroscope reads beside the true rate; one law per physics, strapdown or on a platform.
+r"""False rates, which a gyroscope reads in addition to the true rate; one law per effect, strapdown or on a platform.
 
 In a strapdown unit the false rate adds to the reading, omega + delta omega (`gyroscope`, stage GYROSCOPE). A platform
-that gyroscopes hold is turned by its loop until they read zero, so it turns at the negative of the false rate
+stabilised by gyroscopes is turned by its loop until they read zero, so it turns at the negative of the false rate
 (`drift_of_platform`, stage PLATFORM):
 
 .. math:: 0 = \omega + \delta\omega \;\Rightarrow\; \varphi = -\int \delta\omega \, dt

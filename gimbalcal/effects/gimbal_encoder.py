@@ -98,7 +98,7 @@ class EncoderCyclicError(Effect):
     .. math:: \delta\theta = A \sin N\theta + B \cos N\theta
 
     Source: sine and cosine channels of unequal gain and offset. Magnitude: 0.05 to 1 arcsec. Seen by: a slow sweep
-    over one line. Confounded with: setting_error on positions that are far apart.
+    over one line. Confounded with: setting_error on widely spaced positions.
     """
 
     id = "encoder_cyclic_error"

@@ -87,7 +87,7 @@ def values_between(f: Constant, low: float, high: float, count: int) -> Array:
 
 
 def periods(usual: float, low: float, high: float, duration: float) -> Array:
-    """Return the usual period, and others within 5 % of it one third of a line width apart (at most 9)."""
+    """Return the usual period, and others within 5 % of it in steps of one third of a line width (at most 9)."""
     low, high = max(low, 0.95 * usual), min(high, 1.05 * usual)
     step = usual**2 / duration / 3
     m = min(4, int((high - low) / 2 / step)) if step > 0 else 0

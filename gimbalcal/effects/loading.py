@@ -1,8 +1,8 @@
-"""Effects that a user wrote: from a file (`--effects FILE.py`), or of an installed package.
+"""Effects written by a user: from a file (`--effects FILE.py`), or of an installed package.
 
-What is loaded stands in the catalogue beside the package's own and works as they do. Before that each new effect is
-held against the contract on a made-up stimulus, because a contribution that is not zero when absent, or whose
-derivative is lost, would spoil every fit without a word.
+Loaded effects are added to the catalogue and work like those of the package. Before that the contract of each new
+effect is tested on a simulated stimulus, because a contribution that is not zero when absent, or whose derivative is
+lost, would corrupt every fit without a message.
 """
 
 from __future__ import annotations

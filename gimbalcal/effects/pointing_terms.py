@@ -106,7 +106,7 @@ class GimbalZeroDrift(Effect):
 
     .. math:: \delta\theta = \dot\theta_0 t, \qquad \theta = \theta_{readout} + \delta\theta
 
-    Source: Wallace, TPOINT manual, zero points that change in the course of a night. Magnitude: 1 to 300 arcsec/h.
+    Source: Wallace, TPOINT manual, zero points that change during a night. Magnitude: 1 to 300 arcsec/h.
     Seen by: stars in the same part of the sky early and late. Confounded with: base_tilt_drift where only one part
     of it is seen.
     """
@@ -131,7 +131,7 @@ class GimbalZeroStep(Effect):
 
     .. math:: \delta\theta = J \, [t \geq t_0], \qquad \theta = \theta_{readout} + \delta\theta
 
-    Source: Wallace, TPOINT manual, zero points that change in the course of a night. Magnitude: 5 to 600 arcsec. Seen
+    Source: Wallace, TPOINT manual, zero points that change during a night. Magnitude: 5 to 600 arcsec. Seen
     by: stars in the same part of the sky before and after. Confounded with: gimbal_zero_drift where few stars are.
     """
 

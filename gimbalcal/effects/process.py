@@ -1,9 +1,9 @@
-"""Noise: the random siblings of the effects, as state-space models that simulator, filter and covariance share.
+"""Noise processes as state-space models that simulator, filter and covariance share.
 
 A process is a zero-mean Gauss-Markov chain x_{k+1} = Phi(h) x_k + w, w ~ N(0, Q(h)), y = H x, x_0 ~ N(0, P_0), where h
 is the time between two samples and a move may end the memory. `sample`, `covariance` and everything that whitens or
-filters (`inference.noise_processes`) read those four and nothing else, so a simulated record and the covariance that a
-fit assumes cannot differ.
+filters (`inference.noise_processes`) use only these four, so that a simulated record and the covariance that a fit
+assumes cannot differ.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class RandomWalk(Process):
 
 @dataclass(frozen=True)
 class GaussMarkov(Process):
-    r"""An error that forgets exponentially.
+    r"""An exponentially correlated error.
 
     .. math:: E[y(t) y(t + h)] = \sigma^2 e^{-|h| / \tau}
 
@@ -153,9 +153,9 @@ class Flicker(Process):
     .. math:: S(f) = \frac{B^2}{2 \pi} \frac{1}{f} \;(\text{two-sided}), \qquad
               \sigma_{octave}^2 = \frac{B^2 \ln 2}{\pi}
 
-    flat in f S(f) between the corner frequencies of `shortest` and `longest` [s]: within 1 % but for a factor of ten at
-    either end, 11 % low at a corner; processes three `octaves` apart, a third as many, within 7 %. Source: IEEE Std
-    952, bias instability: the floor of the Allan deviation is sqrt(2 ln 2 / pi) B = 0.664 B.
+    flat in f S(f) between the corner frequencies of `shortest` and `longest` [s]: within 1 % except for a factor of ten
+    at either end, 11 % low at a corner; with processes every three `octaves`, a third as many, within 7 %. Source: IEEE
+    Std 952, bias instability: the floor of the Allan deviation is sqrt(2 ln 2 / pi) B = 0.664 B.
     """
 
     B: float
@@ -168,7 +168,7 @@ class Flicker(Process):
 
     @property
     def taus(self) -> Array:
-        """Time constants [s], an octave or `octaves` apart, and two octaves or more beyond either end."""
+        """Time constants [s] in steps of an octave, or of `octaves`, to two octaves or more beyond either end."""
         first, last = np.log2(self.shortest) - 2, np.log2(self.longest) + 2
         last = first + self.octaves * np.ceil((last - first) / self.octaves - 1e-9)
         return np.asarray(2.0 ** np.arange(first, last + 1e-9, self.octaves))
@@ -190,7 +190,7 @@ class SettingError(Process):
     .. math:: E[y_i y_j] = \sigma^2 [\text{same dwell}]
 
     Source: Wu et al. (2018), section 4, angle error of a position. Magnitude: 0.3 to 2 arcsec. Seen by: one position,
-    three channels, across the force. It sets the real size of the sample: positions, not readings.
+    three channels, across the force. It limits the effective sample size to the number of positions.
     """
 
     sigma: float

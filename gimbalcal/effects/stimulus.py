@@ -27,7 +27,7 @@ class Stimulus:
     in the first dwell): the changes of ideal platform force and of readout, and the same one slew earlier.
     """
 
-    time: Array  # (n,) s since the first sample, of its session where nobody says what time passed between sessions
+    time: Array  # (n,) s since the first sample, of its session if the time between sessions is unknown
     readout: Array  # (n, k) rad, platform axis order
     angle: Array  # (n, k) rad
     force: Array  # (n, 3) m/s^2
@@ -73,7 +73,7 @@ class Stimulus:
 
     @property
     def onwards(self) -> Array:
-        """A clock (n,) [s] that never goes back: it orders what happens once, however long sessions are apart."""
+        """A clock (n,) [s] that never goes back: it orders single events, whatever the time between sessions."""
         return self.time if self.running is None else self.running
 
     def carries(self, quantity: str) -> bool:

@@ -1,4 +1,4 @@
-"""Estimators: which views of a recording a method fits, in which noise, beside which nuisances, and what that says.
+"""Estimators: which views of a recording a method fits, with which noise and nuisances, and the result.
 
 Residuals and how rows are cut into dwells, turns and stretches are those of `gimbalcal.views`.
 """

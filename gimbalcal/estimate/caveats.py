@@ -1,7 +1,8 @@
-"""What the usual calibration of a recording says against its model: it does not fit, or only in a larger noise.
+"""Caveats of the usual calibration of a recording: the model does not fit, or only with a larger noise.
 
-A diagnosis integrates over noise, so a noise larger than stated is no missing physics: its verdict stays adequate, and
-these sentences stand beside it. A calibration takes the noise as stated. Both must say the same of one recording.
+A diagnosis integrates over noise, so that a noise larger than stated is not missing physics: its verdict stays
+adequate, and these sentences are added to it. A calibration takes the noise as stated. Both must agree on one
+recording.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def caveats(recording: Recording, baseline: Sequence[str] = ()) -> list[str]:
 def too_few_attitudes(recordings: Sequence[Recording], baseline: Sequence[str]) -> str:
     """Explain that units turned by hand took no more attitudes than their model has constants; empty where they did.
 
-    Whatever the constants are, they then fit: dwells that repeat an attitude test its noise and drift, not the model.
+    The constants then always fit: dwells that repeat an attitude test its noise and drift, not the model.
     """
     mine, gyro = by_triad(baseline)
     by_hand = [r for r in recordings if r.kind.in_positions and not r.platform.axes and r.has(FORCE)]

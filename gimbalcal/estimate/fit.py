@@ -1,4 +1,4 @@
-"""One fit of all views: the parameters that they share, the excess of their noise, and what rows do not determine.
+"""One fit of all views: the shared parameters, the excess of their noise, and the unobservable combinations.
 
 Nuisances of a view are fitted within their priors, local parameters of its groups of rows are eliminated.
 """
@@ -87,7 +87,7 @@ class ViewsFit:
 
     @property
     def covariance(self) -> Array:
-        """Covariance (p, p) of the estimate, SI, whatever the nuisances are; rows may remember those before them."""
+        """Covariance (p, p) of the estimate, SI, marginal over the nuisances; rows may be correlated."""
         return np.asarray(self._covariance[: len(self.parameters), : len(self.parameters)] + self.fixed)
 
     @cached_property
@@ -104,9 +104,9 @@ class ViewsFit:
         return np.asarray(np.where(ratio > 1, ratio, 1.0))
 
     def added_by_memory(self, J: Array, r: Array, G: Array) -> Array:
-        """Return what is added to a covariance G (p, p) by the memory of rows with Jacobian J (q, p) and misfit r (q,).
+        """Return what the correlation of rows with Jacobian J (q, p) and misfit r (q,) adds to a covariance G (p, p).
 
-        Both are in units of noise. Only a channel of which more noise is estimated than known is asked for a memory.
+        Both are in units of noise. Only channels whose estimated noise exceeds the known one are tested for it.
         """
         out, start = np.zeros(G.shape), 0
         for v, excess in zip(self.views, self.excesses, strict=True):
@@ -125,7 +125,7 @@ class ViewsFit:
 
     @property
     def unobservable(self) -> tuple[Unobservable, ...]:
-        """Directions of the effects' parameters that the rows do not determine, or not apart from a nuisance."""
+        """Directions of the effects' parameters that the rows do not determine, or not separately from a nuisance."""
         if len(self.parameters) == len(self.solution.parameters):
             return self.solution.unobservable
         own, out = {p.label for p in self.parameters}, dict[frozenset[str], Unobservable]()
@@ -264,7 +264,7 @@ class ViewsFit:
         return float(np.sqrt(np.mean(np.concatenate([r.ravel() for r in self.left_out[0]]) ** 2)))
 
     def cost_of_sizes(self, sizes: Sequence[Parameter]) -> Cost:
-        """Return chi^2, linear about the fit, by absent effects whose `sizes` are free beside what was fitted."""
+        """Return chi^2, linear about the fit, by absent effects whose `sizes` are free, given what was fitted."""
         every, sigma = (*self.solution.parameters, *sizes), _row_sigma(self.views, self.excesses)
         J, r = self.whitened
         y = r + J @ self.solution.x
@@ -277,7 +277,7 @@ class ViewsFit:
         return cost
 
     def extension(self, more: Sequence[ExtraEffect], sizes: Sequence[Parameter] | None = None) -> Extension:
-        """Return the extra effects, with constants that start where they fit best beside what was fitted.
+        """Return the extra effects, with constants that start where they fit best given what was fitted.
 
         sizes: their linear parameters, if not all of them are free.
         """

@@ -1,4 +1,4 @@
-r"""What noise that remembers the rows before adds to the covariance of a fit to independent rows.
+r"""The contribution of correlated noise to the covariance of a fit to independent rows.
 
 .. math:: \hat x = G J^T r, \qquad P = G + G J^T (\bar V - I) J G, \qquad \bar V = \sum_k p_k \, s_k^2 \, V_k
 
@@ -27,7 +27,7 @@ from gimbalcal.inference.coloured import MIN_CHI2, least_squares
 from gimbalcal.number import Array
 
 MEMORY = (0.3, 0.6, 0.8, 0.9, 0.96, 0.99)  # from row to row
-SHARE = (0.4, 0.9)  # of the variance, beside what is new in each row
+SHARE = (0.4, 0.9)  # of the variance; the remainder is white
 WHITE = (WhiteNoise(1.0),)
 NOISES = {
     (rho, a): (WhiteNoise(np.sqrt(1 - a)), GaussMarkov(np.sqrt(a), -1 / np.log(rho)))

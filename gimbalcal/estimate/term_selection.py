@@ -1,12 +1,12 @@
 r"""Selection of terms that data support: a coefficient is significant, and rows left out are predicted no worse.
 
-How far it must stand clear is paid for by what was tried. With n further coefficients, none of them there, and sigmas
+The threshold of significance depends on the number of trials. With n further coefficients, all truly zero, and sigmas
 scaled to the scatter of nu degrees of freedom,
 
 .. math:: P(\max_i |x_i| / \sigma_i > t) \le 2 n \, P(T_\nu > t) = \alpha
 
 (Bonferroni, whatever the correlations; Student's T). A recording may hold two triads, each with alpha = 0.5 %: the
-chance that anything at all is taken up in a calibration that has only the linear terms is at most 1 %.
+probability that any term is added to a calibration that has only the linear terms is at most 1 %.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ def select_terms(
 ) -> tuple[Fits, dict[str, str]]:  # fmt: skip
     """Return the fits of base and of ever one term more, the one that predicts left-out rows best; and why not others.
 
-    attempt: the fit of terms, the last of them new, or in a sentence why the data do not support it beside the fit
-    without it. What is declined is tried again beside each new term: a cubic of 600 ug hid a square of 250.
+    attempt: returns the fit of terms, the last of them new, or a sentence on why the data do not support it given the
+    fit without it. Declined terms are tried again with each new one: a cubic of 600 ug hid a square of 250.
     """
     fits, remaining, declined = [(base, first)], list(further), dict[str, str]()
     while remaining:

@@ -77,7 +77,7 @@ def inertial_unit(recording: Recording, terms: Sequence[str] = (), more: Sequenc
 def with_gyroscopes(
     recording: Recording, accelerometers: Calibration, terms: Sequence[str] = (), more: Sequence[ExtraEffect] = ()
 ) -> Calibration:
-    """Both triads in one calibration: the accelerometers', and the gyroscopes between the same rests beside it.
+    """Return both triads in one calibration: the accelerometers', with the gyroscopes between the same rests.
 
     Revolutions both ways are taken where there are six pairs of them, the direction of gravity elsewhere. Without
     rates, or without rows between the rests, it is the accelerometers' calibration as it came.

@@ -36,7 +36,7 @@ WRAP_PERIODS = {
     86400e6: "midnight",
     604800e3: "the end of a week of GPS",
     1e6: "10^6",
-    1e3: "the second",  # of ms beside a clock of whole seconds
+    1e3: "the second",  # of ms, next to a clock of whole seconds
 }
 MAX_WRAPS = 0.1  # of the rows
 MIN_RATE_HZ, MAX_RATE_HZ, USUAL_RATE_HZ = 0.05, 10_000.0, 100.0  # that inertial sensors are logged at

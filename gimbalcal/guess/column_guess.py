@@ -322,7 +322,7 @@ def _with_row_clock(path: Path, log: Log, rate: float, dwell_rows: bool, stated:
     elif log.has("time"):
         return log
     elif dwell_rows:
-        why = f"its rows, counted {ROW_STEP_S:g} s apart since no column is a clock: rates of drift mean nothing"
+        why = f"its rows, {ROW_STEP_S:g} s each as no column is a clock: rates of drift mean nothing"
     elif stated:
         rate, why = stated[0], f"its rows, {stated[0]:g} in a second as the log says ({stated[1]!r})"
     else:

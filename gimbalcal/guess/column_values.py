@@ -76,7 +76,7 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     rates = [t for t in triples if t not in forces[:1] and not _points_everywhere(values(t))] if forces else []
     rates.sort(key=lambda t: (not all(map(_returns_to_a_level, values(t))), _decades_from_zero(values(t))))
     out |= _triads(forces[:1], FORCE, lambda _: "", "three columns whose length hardly changes")
-    return out | _triads(rates[:1], RATE, lambda _: "", "three columns beside the forces")
+    return out | _triads(rates[:1], RATE, lambda _: "", "three columns with the forces")
 
 
 def _stands_still(x: Array) -> bool:

@@ -1,4 +1,4 @@
-"""A data frame whose columns nobody described, guessed as those of a log are."""
+"""Guess the columns of an undescribed data frame as those of a log."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def guessed_frame(frame: Any, title: str = "frame", site: Mapping[str, tuple[flo
     """
     site = site or {}
     if unknown := set(site) - set(UNITS):
-        raise InputError(f"site holds {min(unknown)!r}; beside guessed columns it takes latitude and height")
+        raise InputError(f"site holds {min(unknown)!r}; with guessed columns it takes latitude and height")
     where = {key: float(from_si(to_si(*stated), UNITS[key])) for key, stated in site.items()}
     place = StatedByUser(where.get("latitude"), where.get("height"))
     proposal = of_tables({Path(title): frame_table(frame)}, title, 0.0, place)

@@ -2,7 +2,7 @@
 
 Flight controllers and telephones write messages, each with a word in front that says what follows ("IMU, 61234567, 0,
 0.01, ..."); terminals write the time of arrival before a line, receivers a checksum behind it, and programs a name
-beside each number ("ax: 0.1, ay: 0.2", "Ax 0.1 Ay 0.2", "Ax0.1 Ay0.2"), as ROS does in lines of their own.
+before each number ("ax: 0.1, ay: 0.2", "Ax 0.1 Ay 0.2", "Ax0.1 Ay0.2"), as ROS does in lines of their own.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class _Message:
 
 
 def tables_in(path: Path, head: Sequence[str]) -> tuple[dict[str, list[str]], int]:
-    """Return the lines of plain tables by the names of their messages, and how many lines with names beside their
+    """Return the lines of plain tables by the names of their messages, and how many lines with names before their
     numbers, or among such, are in none of them; no table where the file is a plain table.
 
     head: the first lines of the file. Raises InputError where messages hold no accelerometers.
@@ -85,7 +85,7 @@ def tables_in(path: Path, head: Sequence[str]) -> tuple[dict[str, list[str]], in
 
 
 def _documents(lines: Sequence[str]) -> list[str]:
-    """Return a line of names beside numbers for each message of ROS, whose fields stand indented below one another."""
+    """Return a line of names and numbers for each message of ROS, whose fields stand indented below one another."""
     out: list[str] = []
     pairs: list[str] = []
     above: list[tuple[int, str]] = []  # indent and name of the fields that hold the next one
@@ -161,7 +161,7 @@ def leaves_of_object(content: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _of_pairs(lines: Sequence[str]) -> tuple[dict[str, _Message], int]:
-    """Return messages of names beside numbers, and the number of lines among and below them that are none.
+    """Return messages of names with numbers, and the number of lines among and below them that are none.
 
     Those with the same names are of one kind, which has no word where it is the only one. Kinds of a line or two count
     as other lines.

@@ -1,4 +1,4 @@
-"""A pointing run in a table that nobody described: pairs of angles, or angles and offsets, of any telescope or antenna.
+"""A pointing run in an undescribed table: pairs of angles, or angles and offsets, of any telescope or antenna.
 
 Numbers do not determine the sign: offsets turned round are another mount that fits as well. So the words of the file
 are looked at, and where they are silent the usual sense, measured minus commanded, is taken and said.
@@ -50,7 +50,7 @@ _ROLE = by_spelling(
         "sigma": "sig sigma sd std stdev unc uncertainty rms",
     }
 )
-_ERROR = frozenset(["err", "error", "residual", "dev", "deviation"])  # of an offset, where one stands beside it
+_ERROR = frozenset(["err", "error", "residual", "dev", "deviation"])  # of an offset, where there is one as well
 _SOLVED = frozenset(["solved", "plate", "astrometric", "solution"])  # where it looked, whatever was aimed at
 _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky", "onsky"])
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
@@ -123,7 +123,7 @@ def with_unnamed_angles(table: Table) -> Table:
 
 
 def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
-    """Return the readout of one axis beside a measurement of it, in two columns that go together; None without such."""
+    """Return the readout of one axis with a measurement of it, in two columns that belong together, or None."""
     growing = {n: x for n, x in table.columns.items() if np.all(np.diff(x) > 0)}
     named = [n for n in growing if (g := by_name(n)) and g.quantity == "time"]
     clock = next(iter([*named, *(n for n, x in growing.items() if clocks.unit_of_epoch(x))]), "")
@@ -232,7 +232,7 @@ def _one_offset(columns: list[AngleColumn]) -> list[AngleColumn]:
     Raises InputError for several offsets of which no name identifies the one.
     """
     offsets = [s for s in columns if s.role == "offset"]
-    if len(of_axis := [s for s in offsets if not s.on_sky]) == 1:  # beside the same on the sky
+    if len(of_axis := [s for s in offsets if not s.on_sky]) == 1:  # with the same on the sky
         columns = [s for s in columns if s.role != "offset" or s in of_axis]
         offsets = of_axis
     named = [s for s in offsets if not _ERROR.intersection(plain_name(s.name).split("_"))]
@@ -296,7 +296,7 @@ def pointing_proposal(
     rows = len(read[axes[0]])
     time, remarks = (_seconds(clock, table), ()) if clock else _sidereal_seconds(path, table, rows)
     if times and not clock:
-        remark = f"{path}: the clock {times[0]} goes back, so its rows are taken {ROW_STEP_S:g} s apart in order"
+        remark = f"{path}: the clock {times[0]} goes back, so its rows are taken in order, {ROW_STEP_S:g} s each"
         remarks = (f"{remark} and rates mean nothing; sort them by time for these",)
     if clock:
         why["time", ""] = (clock, f"its name {clock.strip()!r}")
@@ -352,7 +352,7 @@ def _channels(
     if one is None or offset is None:
         there = ", ".join(s.name for s in columns)
         raise InputError(
-            f"{path}: of {axis} there is no readout beside the true angle ({there}); name its columns as in az_true "
+            f"{path}: of {axis} there is no readout with the true angle ({there}); name its columns as in az_true "
             "and az_encoder, or write a header and use `gimbalcal import csv`"
         )
     sign, sense = _sense_of_offsets(table, offset)

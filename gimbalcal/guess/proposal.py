@@ -1,4 +1,4 @@
-"""A recording proposed from logs that nobody described: columns guessed, several logs on one clock, and the kind.
+"""A recording proposed from undescribed logs: columns guessed, several logs on one clock, and the kind.
 
 What is proposed passes the checks of every recording. Where these refuse the gyroscopes in the guessed unit and accept
 them in another, that one is proposed.
@@ -242,7 +242,7 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
     if rates == set("xyz"):
         referenced, note = with_reference(log)
         if referenced is not None:
-            return _beside_reference(referenced, context.noting("rows", note), above)
+            return _with_attitude_reference(referenced, context.noting("rows", note), above)
         context = context.noting("attitude", note)
     try:
         return _multi_position(log, context, above)
@@ -312,12 +312,12 @@ def _recording_on_table(table: TurnedLog, context: _Context) -> Proposal:
     return context.proposal(recording, table.log, {**context.notes, "kind": kind, "platform": table.why})
 
 
-def _beside_reference(log: Log, context: _Context, above: Sequence[str]) -> Proposal:
-    """Return the recording of a unit that moved beside a reference of its attitude."""
+def _with_attitude_reference(log: Log, context: _Context, above: Sequence[str]) -> Proposal:
+    """Return the recording of a unit that moved with a reference of its attitude."""
     log = replace(log, guesses={n: log.guesses[n] for n in log.names("time", FORCE, RATE, "temperature", "attitude")})
     best = min(unit_candidates(log, above), key=lambda c: c.cost + motion_cost(c.log))
     recording = context.recording(best.log, kind="rotation")
-    kind = "rotation, for a reference of the attitude stands beside the sensors: --method attitude"
+    kind = "rotation, for a reference of the attitude was logged with the sensors: --method attitude"
     return context.proposal(recording, best.log, {**context.notes, "kind": kind})
 
 

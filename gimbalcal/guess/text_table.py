@@ -1,4 +1,4 @@
-"""The table in a text file that nobody described: its separator, names and units, the rows of one kind, their numbers.
+"""The table in an undescribed text file: its separator, names and units, the rows of one kind, their numbers.
 
 The rows of a table are the lines in which most cells are numbers; the separator and the number of cells are those that
 most of such lines share. What stands above them names the columns wherever it has as many cells. Lines of other kinds
@@ -39,7 +39,7 @@ SEXAGESIMAL = re.compile(
 COMMENT = re.compile(r"\s*(#|%|!|//|/(?=\W|$))")
 _MARKS = (";", "\t", ",", "|", "  ", " ")  # separators; two blanks or more are one for cells that hold single ones
 _HEADING = ("name", "names", "channel", "channels")  # before what the columns are called
-_BESIDE = ("+-", "+/-", "±")  # what the column before is known to
+_PLUS_MINUS = ("+-", "+/-", "±")  # before the sigma of the column to its left
 _MOVING = re.compile(r"^(move|moving|slew|slewing|turn|turning|transit|none|drehen|fahrt|bewegung)$", re.IGNORECASE)
 _DOUBLE = r"([\d.])[dD]([-+]\d{2,3})$"  # of Fortran
 _NUMBER = re.compile(
@@ -359,7 +359,7 @@ def _headings(line: str, mark: str, width: int, filled: int) -> Iterator[tuple[s
         while cells and not cells[-1]:
             cells.pop()
         if comment:
-            cells = [f"{cells[k - 1]} sigma" if w in _BESIDE and k else w for k, w in enumerate(cells)]
+            cells = [f"{cells[k - 1]} sigma" if w in _PLUS_MINUS and k else w for k, w in enumerate(cells)]
             if len(cells) > width and 2 * sum(map(_is_known_word, cells[-width:])) >= width:
                 cells = cells[-width:]  # remarks may stand before the names
         elif width < len(cells) <= most + 1 and mark != " " and any(map(by_name, cells[:width])):

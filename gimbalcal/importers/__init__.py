@@ -2,7 +2,7 @@
 
 To add a format, write ``mine.py`` here with such a function, or name a module of an installed package under the entry
 points `gimbalcal.importers`. The first line of its docstring says which files and options are wanted; the command line
-prints it. What several formats share stands beside them: `text_file`, `described_table`, `sandboxed_reader`.
+prints it. What several formats share is in the same folder: `text_file`, `described_table`, `sandboxed_reader`.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ def elapsed_seconds(path: Path, sidereal_hours: Array) -> tuple[Array, tuple[str
 
 def in_order(path: Path, rows: int) -> tuple[Array, tuple[str, ...]]:
     """Return a time [s] that only counts the rows, for files without a clock, and a remark on it."""
-    remark = f"{path} has no clock: its rows are {ROW_STEP_S:g} s apart in order, so that rates mean nothing"
+    remark = f"{path} has no clock: its rows are taken in order, {ROW_STEP_S:g} s each, so that rates mean nothing"
     return ROW_STEP_S * np.arange(rows), (remark,)
 
 

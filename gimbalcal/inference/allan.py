@@ -45,7 +45,7 @@ MIN_P_VALUE = 1e-3  # below, the short tau do not follow the law, behind a filte
 
 
 class AllanCurve(NamedTuple):
-    """Allan variance at tau (P,) [s], from stretches of so many rows, tau_0 apart."""
+    """Allan variance at tau (P,) [s], from stretches of so many rows at intervals tau_0."""
 
     tau: Array  # (P,)
     variance: Array  # (P,) square of the unit of the readings
@@ -74,7 +74,7 @@ class AllanFit(NamedTuple):
 
 
 def allan_curve(x: Array, stretches: Sequence[slice], step: float) -> AllanCurve:
-    """Return the overlapping Allan variance of readings x (n,) `step` [s] apart, pooled over stretches, at octaves."""
+    """Return the overlapping Allan variance of readings x (n,), one per `step` [s], pooled over stretches."""
     lengths = np.array([s.stop - s.start for s in stretches])
     count = int(np.log2(lengths.max() // MIN_STRETCH_TAUS)) + 1
     squares, number = np.zeros(count), np.zeros(count)

@@ -93,7 +93,7 @@ def chain(process: Process, time: Array) -> Chain:
 
 
 def spectrum(noise: Sequence[Process], step: float, angle: Array) -> Array:
-    r"""Return the variance (k,) of modes cos(angle (j + 1/2)), j = 0, 1, ..., of rows `step` [s] apart, angle [rad].
+    r"""Return the variance (k,) of modes cos(angle (j + 1/2)), j = 0, 1, ..., of rows every `step` [s], angle [rad].
 
     .. math:: S(\theta) = \sum \frac{H^2 Q}{1 + \Phi^2 - 2 \Phi \cos\theta}
 

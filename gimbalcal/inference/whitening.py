@@ -81,13 +81,13 @@ class Whitening(NamedTuple):
 
 
 class Modes(NamedTuple):
-    r"""Columns of random sizes beside noise that each channel has by itself; orthonormal, u (R, m), where it is white.
+    r"""Columns of random sizes in addition to the noise of each channel; orthonormal, u (R, m), once it is whitened.
 
     .. math:: V = L \left(I + u \Lambda u^T\right) L^T, \qquad
         V^{-1/2} = \left(I - u \left(1 - (1 + \Lambda)^{-1/2}\right) u^T\right) L^{-1}
     """
 
-    beside: Chain
+    noise: Chain
     u: Array  # (R, m)
     variance: Array  # (m,), Lambda
 
@@ -99,22 +99,22 @@ class Modes(NamedTuple):
     @property
     def log_determinant(self) -> float:
         """ln |V|."""
-        channels = self.rows // self.beside.rows
-        return channels * self.beside.log_determinant + float(np.log1p(self.variance).sum())
+        channels = self.rows // self.noise.rows
+        return channels * self.noise.log_determinant + float(np.log1p(self.variance).sum())
 
     def whiten(self, rows: Array) -> Array:
         """Whiten rows (R, p) of this covariance."""
-        white = self.beside.whiten(rows)
+        white = self.noise.whiten(rows)
         less = 1 - 1 / np.sqrt(1 + self.variance)
         return np.asarray(white - self.u @ (less[:, None] * (self.u.T @ white)))
 
 
-def modes(X: Array, beside: Chain) -> Modes:
-    """Return columns X (R, p) of independent sizes of unit variance as modes, without those that noise hides."""
-    X = beside.whiten(X)
+def modes(X: Array, noise: Chain) -> Modes:
+    """Return columns X (R, p) of independent sizes of unit variance as modes, except those below the noise."""
+    X = noise.whiten(X)
     variance, v = np.linalg.eigh(X.T @ X)
     shown = variance > HIDDEN_VARIANCE
-    return Modes(beside, X @ (v[:, shown] / np.sqrt(variance[shown])), variance[shown])
+    return Modes(noise, X @ (v[:, shown] / np.sqrt(variance[shown])), variance[shown])
 
 
 def whitening(Phi: Array, Q: Array, H: Array) -> Whitening:

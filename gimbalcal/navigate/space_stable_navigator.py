@@ -117,11 +117,11 @@ def navigate(
     return NavigatorOutput(time, out[:, 0], np.unwrap(out[:, 1]), out[:, 2], out[:, 3:])
 
 
-def course_deviation(time: Array, force: Array, phase: Array, site: InertialSite, aids: Aids) -> NavigatorOutput:
-    r"""Return how the course of a still base moves with small errors of force (n, 3, p) [m/s^2] and of S at first (p,)
-    [rad].
+def small_error_response(time: Array, force: Array, phase: Array, site: InertialSite, aids: Aids) -> NavigatorOutput:
+    r"""Return the navigation errors of a stationary base for small errors of force (n, 3, p) [m/s^2] and of S at first
+    (p,) [rad].
 
-    In axes that turn with the Earth, each row does to all that is off from the base what rows of this length do,
+    In Earth-fixed axes the errors propagate from row to row by a transition that depends on the length of the row only,
 
     .. math:: x_{k+1} = A x_k + B f_k, \qquad o_k = C x_k + D f_k ,
 

@@ -26,7 +26,13 @@ from gimbalcal.kinematics import (
     with_phase_of_force,
 )
 from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated
-from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, NavigatorOutput, course_deviation, navigate
+from gimbalcal.navigate.space_stable_navigator import (
+    Aids,
+    InertialSite,
+    NavigatorOutput,
+    navigate,
+    small_error_response,
+)
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE
@@ -47,17 +53,17 @@ def platform_navigated(recording: Recording, calibration: Calibration | None, ai
     return Navigated(label, run.time - run.time[0], error, horizontal_distance(error, g.site))
 
 
-def half_apart(pairs: Sequence[tuple[Recording, Recording]], aids: Aids) -> Array:
+def half_difference(pairs: Sequence[tuple[Recording, Recording]], aids: Aids) -> Array:
     """Return half of the difference of the errors (n, 7, p) of each pair of runs of a base at rest, for small errors.
 
-    Their difference is navigated, of all pairs at once: `space_stable_navigator.course_deviation`.
+    The differences of all pairs are navigated at once: `space_stable_navigator.small_error_response`.
     """
     refuse(pairs[0][0])
     given = [(_navigator_input(plus, aids), _navigator_input(minus, aids)) for plus, minus in pairs]
     half = np.array([np.angle(np.exp(1j * (a.site.phase - b.site.phase))) / 2 for a, b in given])
     force = np.stack([(a.force - b.force) / 2 for a, b in given], axis=-1)
     one = given[0][0]
-    d = course_deviation(one.time, force, half, one.site, aids)
+    d = small_error_response(one.time, force, half, one.site, aids)
 
     def moved(k: int, way: int) -> Array:
         site = replace(one.site, phase=given[k][0].site.phase - half[k])

@@ -12,8 +12,8 @@ from gimbalcal.platform import BENCH, SPACE_STABLE_INERTIAL
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.kinds import ROTATION, STATIC_RUN
 
-ROW = 600.0  # s between the rows on which the position error is looked at; the navigator's own steps are its own
-STATIC_ROWS = 289  # 10 min apart over 48 h: thinning, with the weight kept, leaves the information of slow signals
+ROW = 600.0  # s between the rows at which the position error is evaluated; the navigator has its own steps
+STATIC_ROWS = 289  # every 10 min over 48 h: thinning, with the weight kept, leaves the information of slow signals
 
 
 def still_base(hours: float, site: Site) -> Recording:

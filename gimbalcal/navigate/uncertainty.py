@@ -19,7 +19,7 @@ from gimbalcal.forward import linearise
 from gimbalcal.kinematics import required_latitude, stimulus_from_angles, stimulus_from_readings
 from gimbalcal.navigate.navigation_errors import CHANNELS, NONE, Navigated
 from gimbalcal.navigate.space_stable_navigator import UNDAMPED, USUAL, Aids, InertialSite
-from gimbalcal.navigate.static_run import half_apart, horizontal_distance, platform_navigated, with_inner
+from gimbalcal.navigate.static_run import half_difference, horizontal_distance, platform_navigated, with_inner
 from gimbalcal.navigate.strapdown_unit import Intervals, navigate_intervals, thinned_intervals, unit_navigated
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress, no_progress
@@ -169,7 +169,7 @@ def _sensitivity(
 
     pairs = (moved(k) for k in range(len(wanted)))
     if thin.intervals is None:
-        return half_apart(list(pairs), aids)
+        return half_difference(list(pairs), aids)
     odd = [(thin.error(there, aids).error - thin.error(back, aids).error) / 2 for there, back in pairs]
     return np.stack(odd, axis=-1)
 

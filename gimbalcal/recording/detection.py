@@ -8,7 +8,7 @@ its floor is a low quantile of it, divided by that of :math:`\chi^2_{m-1}/(m-1)`
 .. math:: \max_c \; v_c / F_c(m) < T = 10 ,
 
 which leaves room for a table that shakes a little and for the slow part of the noise. A stretch whose mean ratio is
-more than three times that of most of them is none: there the unit still moved.
+more than three times that of most of them is rejected: there the unit still moved.
 
 **Whether anything rests.** The floor of noise does not depend on the window; that of motion grows with it, as
 :math:`m^2` for a steady turn and as m for a random walk. The window is the longest of at most one second with
@@ -20,11 +20,11 @@ channels at once. Gyroscopes, where they were logged, have to show no growth fro
 holds them, in the quietest of the long ones; or a triad has a scatter that no motion has, as flicker and random walks
 of a unit on a table grow as motion does. Where dwells are shorter than four seconds the growth is that of the dwells,
 and the window becomes shorter; where it has as few rows as noise allows, it is compared with three or two of its kind.
-A floor of more than `MAX_NOISE_SHARE` of gravity is the vibration of a drive, and no floor.
+A floor of more than `MAX_NOISE_SHARE` of gravity is rejected as the vibration of a drive.
 
-Gyroscopes, where they were logged, also take away from that: what the accelerometers call a rest is none where a
-gyroscope scatters by more than 20 times what it usually does at rest, or turns on and on (about the vertical, which no
-accelerometer sees). Two stretches between which the unit was knocked but not turned are one dwell.
+Gyroscopes, where they were logged, also reject rests of the accelerometers: those in which a gyroscope scatters by
+more than 20 times its usual scatter at rest, or turns steadily (about the vertical, which accelerometers do not
+sense). Two stretches between which the unit was knocked but not turned are one dwell.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ THRESHOLD = 10.0  # in units of the floor; anything from 10 to 20 finds the same
 PAUSE = 60.0  # s; rows on both sides of a longer gap are not one rest (a unit turned in a shorter one shows it)
 FLOORS = ((0.10, -1.2816), (0.03, -1.8808))  # quantile and normal deviate: rests that fill a tenth of the time, or less
 LEAST_AT_REST = min(share for share, _ in FLOORS)  # of the rows, that are found as rests
-UNUSUAL_VARIANCE_RATIO = 3.0  # times that of most rests: a hand that still moves, beside others on a table
+UNUSUAL_VARIANCE_RATIO = 3.0  # times that of most rests: a hand that still moves, among rests on a table
 SHAKEN_SCATTER_RATIO = 20.0  # times the usual scatter of a gyroscope at rest: in the hand half of all rests reach ten
 WINDOWS_PER_SUM = 2  # windows in one sum: next to a turn, gyroscopes of 1e-4 deg/h are at the end of a double
 PIECES = 200  # of them at a time: their sums stay in the cache of a processor
-RAW_TURNING = 100.0  # times the usual distance from the level, of counts whose size nobody knows
+RAW_TURNING = 100.0  # times the usual distance from the level, of counts of unknown scale
 TURNING = np.radians(1.0)  # rad/s off the usual level, more than the Earth's rate and any drift of a bias
 
 _LAST: list[tuple[list[weakref.ref[Array]], NDArray[np.int64]]] = []
@@ -76,8 +76,8 @@ def detect_rests(
     """Return the position of each row, (n,): 1, 2, ... in order of time within rests, 0 elsewhere.
 
     time (n,) s; channels (n,) each, in any unit: only ratios of variances count. Accelerometers find the rests: in the
-    hand, a gyroscope finds none at all; `rates` (n,) each, in rad/s or `raw`, say which of them are none. gravity: the
-    three channels are accelerometers. All rows are one rest where the recording is shorter than a few windows, none
+    hand, a gyroscope is never at rest; `rates` (n,) each, in rad/s or `raw`, reject some of them. gravity: the three
+    channels are accelerometers. All rows are one rest where the recording is shorter than a few windows, none
     where its quietest windows are those of a motion.
     """
     n = len(time)
@@ -334,7 +334,7 @@ def _window_statistics(x: Array, m: int) -> tuple[Array, Array]:
     count, width = len(x) - m + 1, WINDOWS_PER_SUM * m
     of = -(-count // width)  # pieces, each overlapping the next by a window
     mean, variance = np.empty((of, width)), np.empty((of, width))
-    sums = np.empty((min(of, PIECES), width + m), dtype=complex)  # of values, and of squares beside them
+    sums = np.empty((min(of, PIECES), width + m), dtype=complex)  # of values, and of squares as imaginary part
     for first in range(0, of, PIECES):
         stop = min(first + PIECES, of)
         part = x[first * width : stop * width + m - 1]

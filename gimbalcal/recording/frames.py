@@ -176,7 +176,7 @@ def recording_of(
     if clock and clock not in logged:
         if not rate:
             _refuse_samples(header, columns)
-            spaced = f"its rows are {ROW_STEP_S:g} s apart in order, so that rates mean nothing"
+            spaced = f"its rows are taken in order, {ROW_STEP_S:g} s each, so that rates mean nothing"
             remarks = (f"{header.samples} has no clock: {spaced}",)
         columns[clock.name] = from_si(
             np.arange(float(rows)) / rate if rate else ROW_STEP_S * np.arange(float(rows)), clock.unit

@@ -24,8 +24,8 @@ MAX_GRAVITY_DIFFERENCE = 1e-6  # relative difference of gravity below which two 
 def join(sessions: Sequence[Recording]) -> Recording:
     """Return one recording of all sessions: rests are numbered on, channels are those that every session has.
 
-    Sessions stand in the order and as far apart as their dates, or clocks that follow each other, say. Where nobody
-    says, `restarts` has the times at which the clock of a session begins anew. Raises InputError for sessions that are
+    Order and spacing of the sessions are those of their dates, or of clocks that follow each other. Where neither is
+    known, `restarts` has the times at which the clock of a session begins anew. Raises InputError for sessions that are
     not of one kind, platform, place and unit, and for one that is given twice.
     """
     if len(sessions) == 1:
@@ -120,7 +120,7 @@ def _clock(sessions: Sequence[Recording]) -> tuple[Sequence[Recording], Array, t
             shift = [b.at - float(r.time[0]) for b, r in begun]
             time = np.concatenate([r.time + (s - shift[0]) for s, (_, r) in zip(shift, begun, strict=True)])
             coarse = "" if all(b.exact for b, _ in begun) else ", which are good to a day"
-            return [r for _, r in begun], time, (), f"the sessions stand as far apart as their dates say{coarse}"
+            return [r for _, r in begun], time, (), f"the time between sessions is that of their dates{coarse}"
     if all(a.time[-1] < b.time[0] for a, b in pairwise(sessions)):
         return sessions, np.concatenate([r.time for r in sessions]), (), "the sessions are on one clock, which goes on"
     parts, begin = [], 0.0

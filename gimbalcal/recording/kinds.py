@@ -2,7 +2,7 @@
 
 A `Kind` is its name in recording.toml, a string, with the properties of that kind. It compares, prints and serialises
 as the string; code asks for the property that it depends on, as in ``recording.kind.stabilised``. Several kinds may
-have one name, as a unit on gimbals and one in the hand: `when` tells them apart. To add a kind, add an instance to
+have one name, as a unit on gimbals and one in the hand: `when` distinguishes them. To add a kind, add an instance to
 `EVERY`; one with a `view` is calibrated and diagnosed with no other edit, in a noise of known or of estimated scale.
 Effects name the kinds in which they show, so that a new way to measure keeps the name of a kind, has a `when`, and
 stands before the kind that it specialises.

@@ -218,7 +218,7 @@ def _on_a_regular_clock(increments: Increments, table: dict[str, Array], checks:
         f"times as rough on a regular clock of {jitter.rate:.6g} Hz: the stamps are times of arrival"
     )
     if jitter.clock is None:
-        return (f"{what}, but they follow no regular clock closely: log the sensor's own counter beside them",)
+        return (f"{what}, but they follow no regular clock closely: log the sensor's own counter as well",)
     table[clock.name] = from_si(jitter.clock, clock.unit)
     increments.on_clock(table, jitter.clock)
     return (f"{what}, and that clock is used; regular = false in [columns] keeps the stamps",)

@@ -281,7 +281,7 @@ class Recording(Displayed):
         )
 
     def with_channels(self, channels: Mapping[Key, Array]) -> Recording:
-        """Return the same recording with these channels beside its own, or in place of them."""
+        """Return the same recording with these channels added, or in place of its own."""
         return replace(self, channels={**self.channels, **channels})
 
     @property

@@ -80,7 +80,7 @@ def _odd_gravity(document: Document, site: Site) -> tuple[str, ...]:
         return ()
     normal = site.gravity - off
     stated = f"gravity {site.gravity:.6g} m/s^2 is {1e6 * off / normal:+.0f} ppm off the {normal:.6g} m/s^2 of this"
-    advice = "so is their sigma; if it was measured, write its sigma beside its unit"
+    advice = "so is their sigma; if it was measured, write its sigma next to its unit"
     after = (
         f"latitude and height; the scale factors follow it{f', and {advice}' if site.gravity_sigma >= abs(off) else ''}"
     )

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicHermiteSpline
 
 RAMP_S, BEND_S, BEND_START_S = 20.0, 6.0, 25.0  # s: to come to speed; of a bend, and when it begins in a leg
-TURNS = np.array([1, 1, -1, 1, -1, -1, 1, -1])  # right and left, over and over: the course closes
+TURNS = np.array([1, 1, -1, 1, -1, -1, 1, -1])  # right and left, repeatedly: the track closes
 PITCH_PERIOD_S = 600.0  # s, period of the pitch
 GRID_STEP_S = 0.1  # s, of the grid on which the place is integrated
 

@@ -23,7 +23,7 @@ MIN_ROW_BYTES = 2 * 24  # bytes that a row of noise takes there at least, in its
 def simulate_to(
     scenario: str | Path, folder: str | Path, seed: int | None = None, progress: Progress = no_progress
 ) -> dict[str, Any]:
-    """Simulate into a recording folder with truth.json beside it, whole or not at all; returns the truth."""
+    """Simulate into a recording folder that also has truth.json, whole or not at all; returns the truth."""
     path, folder = find(scenario), Path(folder)
     progress(f"preparing {path.name}")
     run = prepare(load(path), seed)

@@ -153,8 +153,8 @@ def quivering_force(
 ) -> Array:
     """Return the force (n, 3) [m/s^2] of a place that quivers, velocity one `sigma` [m/s]; block after block.
 
-    Velocities at the ends of rows are `QUIVER_PERIOD_S` long alike, so a second apart they are independent. What their
-    differences add to mean forces is so small that errors of the sensors do not show in it.
+    Velocities at the ends of rows are `QUIVER_PERIOD_S` long alike, so after a second they are independent. Their
+    differences add less to mean forces than the errors of the sensors.
     """
     if not sigma:
         return np.zeros((len(time), 3))

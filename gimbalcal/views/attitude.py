@@ -17,8 +17,8 @@ by the Cholesky factor of
 
 .. math:: V = (1 - a) \, D + 2 a \, I
 
-with a the share of the walk. It decides what a bias may be: a reference that scatters, and does not wander, tells
-it from the attitudes at both ends of the log; beside a walk every interval counts alike.
+with a the share of the walk. It determines the weights in the estimate of a bias: with a reference that scatters and
+does not wander, the attitudes at both ends of the log decide; with a walk every interval counts equally.
 
 The attitude is logged at times of its own, as a quaternion or Euler angles, body to world.
 """
@@ -109,9 +109,9 @@ class Reference:
 
 
 def reference_of(recording: Recording) -> Reference:
-    """The attitude in the rows that have one, or by the angles of the rig, but those that leap away for a row and back.
+    """Return the attitude where it was logged, or by the angles of the rig, without outliers of a single row.
 
-    InputError where there is none, or quaternions are no units.
+    Raises InputError for a recording without one, and for quaternions that are not of unit length.
     """
     axes = QUATERNION if ("attitude", "qw") in recording.channels else EULER
     if ("attitude", axes[0]) not in recording.channels:

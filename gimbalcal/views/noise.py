@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.number import Array
 
 SingleWalk = tuple[str, float, float, float]
-"""Axis of a sensor that walks alone, size of its walk, memory and share of what all sensors wander beside it."""
+"""Axis of the sensor with a random walk, size of the walk, memory and share of the additional wander of all sensors."""
 TriadWalks = tuple[float, ...]
 """Memory from row to row, and size of the walk of each sensor of each triad."""
 
@@ -43,7 +43,7 @@ class NoiseModel:
     scale_known: bool = False  # by the header, by samples inside dwells or by a fit
     block: Array = field(default_factory=lambda: np.zeros(0, dtype=int))
     of_each_channel: bool = False  # whether each channel has a scale of its own where none is known
-    own_memories: bool = False  # whether each channel has a memory of its own: of a course that rows follow closely
+    own_memories: bool = False  # whether each channel has a memory of its own: they are smooth from row to row
     scales: tuple[float, ...] = ()
     one_scale: bool = False  # of all channels, as one of them shows no noise
     weights: Array | None = None

@@ -73,7 +73,7 @@ def norm(recording: Recording, baseline: Sequence[str] = ()) -> View:
 
 
 def undetermined_misalignments(y: Array) -> tuple[str, ...]:
-    """Return the pairs of axes whose misalignment dwells that read y (m, 3) do not determine beside bias and scale.
+    """Return the pairs of axes whose misalignment dwells that read y (m, 3) do not determine with bias and scale.
 
     With u the direction of the force, the norm moves by u_i per bias, u_i^2 per scale factor and u_i u_j per
     misalignment, so that of six faces none is seen.

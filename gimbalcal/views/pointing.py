@@ -93,7 +93,7 @@ def pointing(recording: Recording, baseline: Sequence[str] = ()) -> View:
 
 
 def outlying_frames(recording: Recording) -> Array:
-    """Return how far each frame (n,) [rad] of a smooth course is off its neighbours; zero for those that are not.
+    """Return the distance [rad] of each frame (n,) of a smooth track from its neighbours; zero for those in the noise.
 
     A gust, a knock or a wrong star throws a few frames off by many times what they scatter about the running median of
     `MEDIAN_FRAMES`; more than a `MAX_OUTLYING_SHARE` of them are the noise of the log.
@@ -179,8 +179,8 @@ def on_stars(recording: Recording) -> Stimulus:
     s = stimulus_from_angles(recording)
     n = len(recording.time)
     aimed = recording.platform.angles({a: x for (q, a), x in recording.channels.items() if q == "true_angle"}, (n,))
-    course = without_jumps(np.where(tracking_axes(recording), s.readout, aimed), s.readout)
-    moved = np.stack([since_turning(a) for a in course.T], axis=-1)
+    track = without_jumps(np.where(tracking_axes(recording), s.readout, aimed), s.readout)
+    moved = np.stack([since_turning(a) for a in track.T], axis=-1)
     number = np.arange(1, n + 1) if recording.position is None else recording.position
     return s.at(visit=np.arange(n), position=number, since_move=0 * s.time, move_angle=moved)
 
@@ -274,6 +274,6 @@ def moved_channels(recording: Recording) -> tuple[Key, ...]:
 
 
 def split_nights(recording: Recording) -> tuple[Recording, ...]:
-    """The recording cut where it pauses for more than `MIN_NIGHT_GAP_S`; one that does not is its only night."""
+    """Return the parts of a recording between pauses of more than `MIN_NIGHT_GAP_S`; without any, the recording."""
     cuts = [0, *(np.flatnonzero(np.diff(recording.time) > MIN_NIGHT_GAP_S) + 1).tolist(), len(recording.time)]
     return tuple(recording.select(slice(a, b)) for a, b in pairwise(cuts))

@@ -1,18 +1,18 @@
-r"""Slews as a view: by how much the sensors come late, or early, behind what shows how the unit turned.
+r"""Slews as a view: the delay of the sensors with respect to the motion of the unit.
 
-The readouts of the gimbals show it; for a unit in the hand, the gyroscopes carry gravity from the rest before
-the turn. Each slew, with some of the rests at both ends, is one row: of the misfit X of its samples, as a delay,
+The motion is that of the readouts of the gimbals; for a unit in the hand, the gyroscopes carry gravity from the rest
+before the turn. Each slew, with some of the rests at both ends, is one row: of the misfit X of its samples, as a delay,
 
 .. math:: \delta t = \frac{p^T X}{p^T p}, \qquad p = (1 - Q Q^T) \, T
 
 with T what a second of delay does, :math:`\dot f` to the force and, to the attitude that the gyroscopes add up, the
-rate. Q spans what is nobody's delay: an attitude that is off from the start, or more and more on the way, constants,
+rate. Q spans the errors that are not delays: an initial error of the attitude, or one that grows with time, constants,
 scale and misalignment of gyroscopes, and the force of a lever, which a hand changes from turn to turn. So errors that
-show at rest or from rest to rest stay out, and the scatter from slew to slew says how well a delay is known. A channel
+act at rest or from rest to rest are excluded, and the scatter from slew to slew gives the sigma of a delay. A channel
 that is late by more than that is shifted, by cubics through its samples, before the rest is estimated.
 
-What all slews have in common beside a delay is no scatter: a hand moves a unit sideways in the sense in which it turns
-it, and cubics bend between samples. Of the rows y of a channel, of sigma s_k, with c of the common part,
+What all slews have in common in addition to a delay is systematic: a hand moves a unit sideways in the sense in which
+it turns it, and cubics are inexact between samples. For rows y of a channel, of sigma s_k, with c the common part,
 
 .. math:: y' = S \left(1 + c^2 \, a a^T\right)^{-1/2} S^{-1} \, y, \qquad S = \mathrm{diag}(s_k), \; a_k = 1 / s_k .
 """
@@ -64,7 +64,7 @@ SLEWS = Measurement(
 )  # fmt: skip
 
 Slew = tuple[NDArray[np.int64], int]
-"""Rows of a slew with some of the rests beside it, and the ordinal of the rest after."""
+"""Rows of a slew with some of the adjacent rests, and the ordinal of the rest after."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class SlewMotion:
 
 
 def slews(recording: Recording) -> list[Slew] | str:
-    """Rows of each slew with some of the rests beside it, and the ordinal of the rest after; or why there are none."""
+    """Return rows of each slew with some of the adjacent rests, and the ordinal of the rest after; or why none."""
     visits = dwells(recording)
     if recording.position is None or not np.any(recording.position == 0):
         return "no rows between positions were logged"
@@ -105,7 +105,7 @@ def slews(recording: Recording) -> list[Slew] | str:
 
 
 def on_gimbals(recording: Recording, moves: Sequence[Slew]) -> SlewMotion:
-    """The motion as the readouts tell it, smoothed."""
+    """Return the motion by the readouts, smoothed."""
     row = np.concatenate([r for r, _ in moves])
     slew = np.concatenate([np.full(len(r), i) for i, (r, _) in enumerate(moves)])
     angle = np.concatenate([_smoothed_angles(recording.angles()[r]) for r, _ in moves])
@@ -130,7 +130,7 @@ def _smoothed_angles(angle: Array) -> Array:
 
 
 def by_hand(recording: Recording, moves: Sequence[Slew]) -> SlewMotion:
-    """The motion as calibrated gyroscopes tell it, less what they read at rest, from the rest before each turn."""
+    """Return the motion by calibrated gyroscopes, less their reading at rest, from the rest before each turn."""
     visits, y, f = dwells(recording), recording.triad(RATE), recording.triad(FORCE)
     row = np.concatenate([r for r, _ in moves])
     slew = np.concatenate([np.full(len(r), i) for i, (r, _) in enumerate(moves)])
@@ -152,7 +152,7 @@ def by_hand(recording: Recording, moves: Sequence[Slew]) -> SlewMotion:
 def view_of_slews(
     recording: Recording, calibration: Calibration, gyro: Sequence[Effect] = (), means: bool = False
 ) -> View | str:
-    """The slews of a recording, or why they say nothing of a delay.
+    """Return the slews of a recording, or why they do not determine a delay.
 
     calibration: of accelerometers and mount, from the rests; gyro: of the gyroscopes, from turns; means: whether
     force and rate are said to be means over the interval before a row, which lag by half of it.
@@ -195,7 +195,7 @@ def view_of_slews(
 
     labels = [p.label for p in known]
 
-    def columns(_: Effect, wanted: Sequence[Parameter]) -> Array:  # a delay is small beside a slew
+    def columns(_: Effect, wanted: Sequence[Parameter]) -> Array:  # a delay is short compared with a slew
         return J[..., [labels.index(p.label) for p in wanted]]
 
     def rows(effects: Sequence[Effect]) -> Rows:

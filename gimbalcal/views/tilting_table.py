@@ -65,7 +65,7 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = ()) -> View:
         raise InputError(
             f"{recording.title!r}: the force changes by {change:.2g} g, and that of a tilting table by {MAX_TILT:g} g "
             "at most; hold a unit that is turned further at rest in between, at a stated latitude, or calibrate it "
-            "beside a logged attitude (--method attitude)"
+            "against a logged attitude (--method attitude)"
         )
     in_group = max(1, round(HELD_OUT_S / blocks.step))
     return View(

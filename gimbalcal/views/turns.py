@@ -123,7 +123,7 @@ def turns_between_rests(recording: Recording, accelerometers: Calibration) -> Tu
 
 
 def turns_on_record(recording: Recording) -> bool:
-    """Return whether there is a row for each turn on the way; a row of a table of rests that is marked 0 is none."""
+    """Return whether the turns between rests were logged; a single row marked 0 in a table of rests is not a turn."""
     if recording.position is None:
         return False
     return bool(np.count_nonzero(recording.position == 0) >= max(len(dwells(recording)) - 1, 1))
@@ -139,7 +139,7 @@ def logged_turns(recording: Recording) -> bool:
 def _stimulus_of(recording: Recording, spans: Sequence[slice], rate: Array, force: Array) -> Stimulus:
     """A stimulus of the turns' rows, without history: rate, force, time, temperature and covariates.
 
-    The rate that was read, less its level at rest, stands for the true one, and the calibrated force for the force.
+    The rate that was read, less its level at rest, is used as the true one, and the calibrated force as the force.
     """
     s = stimulus_from_readings(recording.select(slice(spans[0].start, spans[0].start + 1)))
     n = len(rate)
@@ -158,9 +158,9 @@ def _rows_of(x: Array, spans: Sequence[slice], n: int) -> Array:
 
 
 def _rough_scale(turns: Turns) -> float:
-    """Common rad/s per count at which the turns fit gravity best: a scan, as nothing else says how long a turn was."""
+    """Return the common rad/s per count at which the turns fit gravity best, by a scan, as no angle is known."""
     largest = np.median((np.linalg.norm(turns.reading, axis=-1) * turns.step).sum(1))
-    guesses = np.geomspace(0.2, 20, 60) / largest  # a median turn between 0.2 and 20 rad, 8 % apart
+    guesses = np.geomspace(0.2, 20, 60) / largest  # a median turn between 0.2 and 20 rad, in steps of 8 %
     phi = turns.reading * turns.step[..., None]
     turned = (apply_matrix(composed_rotation(exponential(g * phi)), turns.before) for g in guesses)
     misfit = [np.mean((turns.after - f) ** 2) for f in turned]

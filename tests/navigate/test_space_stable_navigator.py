@@ -15,7 +15,7 @@ import pytest
 
 from gimbalcal.earth import EARTH_RATE, normal_gravity, radii
 from gimbalcal.navigate import space_stable_navigator
-from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, course_deviation, navigate, schuler_rate
+from gimbalcal.navigate.space_stable_navigator import Aids, InertialSite, navigate, schuler_rate, small_error_response
 
 L = np.deg2rad(40.0)
 SITE = InertialSite(L, 60.0, float(normal_gravity(L, 60.0)), 0.4)
@@ -211,7 +211,7 @@ def test_small_errors_all_at_once_are_what_each_does_alone(damping, lengths):
         [0 * still + [1e-4, 0, 0], 0 * still + [0, 0, 1e-4], 1e-5 * still[:, [1, 0, 2]], slow, 0 * still], -1
     )
     phase = np.array([0.0, 0.0, 1e-5, 0.0, -2e-5])
-    d = course_deviation(time, force, phase, SITE, aids)
+    d = small_error_response(time, force, phase, SITE, aids)
     for k in range(len(phase)):
         a, b = (
             navigate(time, still + way * force[..., k], replace(SITE, phase=SITE.phase + way * phase[k]), aids)

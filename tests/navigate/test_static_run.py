@@ -12,7 +12,7 @@ from gimbalcal.earth import NAUTICAL_MILE
 from gimbalcal.effects import CATALOGUE, parameters, with_values
 from gimbalcal.navigate.navigation_errors import CHANNELS, Navigated, labels
 from gimbalcal.navigate.space_stable_navigator import USUAL, Aids, InertialSite
-from gimbalcal.navigate.static_run import half_apart, horizontal_distance
+from gimbalcal.navigate.static_run import half_difference, horizontal_distance
 from gimbalcal.navigate.stationary_base import still_base
 from gimbalcal.navigate.summary import NavigationInputs, summary
 from gimbalcal.navigate.uncertainty import before_and_after, navigation_errors, position_uncertainty, sigma_bands
@@ -134,7 +134,7 @@ def test_runs_that_hardly_differ_are_told_apart_as_if_each_was_navigated():
         pairs.append((readings[0], readings[1]))
     expected = np.stack([(navigation_errors(a).error - navigation_errors(b).error) / 2 for a, b in pairs], axis=-1)
     size = np.abs(expected).max(axis=(0, 2))[:, None]
-    np.testing.assert_allclose(half_apart(pairs, USUAL) / size, expected / size, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(half_difference(pairs, USUAL) / size, expected / size, rtol=0, atol=1e-7)
 
 
 def test_a_bias_that_is_not_known_is_as_uncertain_as_it_leads_astray():

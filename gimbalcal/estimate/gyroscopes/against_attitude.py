@@ -7,10 +7,10 @@ Each third k of the rows is fitted on its own, as a check,
           F = \frac{1}{2 q s^2} \sum_k (x_k - \bar x)^T C_k^{-1} (x_k - \bar x)
 
 with r the whitened residuals (n,) of the fit, J their Jacobian (n, p) by all its parameters, C_k the covariance of q of
-them in a third, the mean weighted by C_k^-1, and s^2 what the thirds leave of r by themselves. Rows that remember those
-before them widen C_k as they widen the covariance of the whole. Noise with a longer memory than that, and parameters
-that change, make the thirds differ by more than their sigmas say.
-Source: G. C. Chow, Econometrica 28 (1960) 591, for three groups.
+them in a third, the mean weighted by C_k^-1, and s^2 what the thirds leave of r by themselves. Correlation of the rows
+widens C_k as it widens the covariance of the whole. Noise with a longer correlation time than that, and parameters that
+change, make the thirds differ by more than their sigmas. Source: G. C. Chow, Econometrica 28 (1960) 591, for three
+groups.
 """
 
 from __future__ import annotations
@@ -126,10 +126,10 @@ MAX_SIGMA = 0.05  # one sigma of a scale factor, an angle [rad] or the lag [s]: 
 
 
 def gyroscopes_against_attitude(recording: Recording) -> Calibration:
-    """Calibrate gyroscopes against the attitude that was logged beside them, with its lag and how it is mounted.
+    """Calibrate gyroscopes against the attitude that was logged with them, with its lag and its mounting.
 
     Raises InputError without rates in a unit with a scale, without an attitude, for a triad that is mirrored to the
-    reference, and for motion that does not tell the unknowns apart.
+    reference, and for motion that does not separate the unknowns.
     """
     if recording.counted(RATE):
         raise InputError(f"{recording.title!r} reads rates in counts; give a nominal scale, in rad/s or deg/s")
@@ -181,7 +181,7 @@ def _walk_share(fitted: ViewsFit, D: Array) -> float:
 
 
 def _first_lag(time: Array, y: Array, known: Reference) -> float:
-    """Lag [s] at which the sizes of both rates go together best; the size does not ask how they are mounted."""
+    """Return the lag [s] of best agreement of the magnitudes of both rates, which do not depend on the mounting."""
     step = max(float(np.median(np.diff(time))), 0.002)
     begin, end = max(time[0], known.time[0]), min(time[-1], known.time[-1])
     if end - begin < 10 * INTERVAL_S:
@@ -223,7 +223,7 @@ def _calibration(fitted: ViewsFit, M: Array, lag: float, known: Reference, walk_
     sigma, (turned, tilt), ((late,), (jitter,)) = fitted.sigmas, fitted.nuisance(MOUNTING), fitted.nuisance(LAG)
     if not fitted.determined or not np.all(np.concatenate([sigma[3:], tilt, [jitter]]) < MAX_SIGMA):  # all but the bias
         raise InputError(
-            f"the motion of {source.title!r} does not tell scale, mounting and lag apart: turn it about all three "
+            f"the motion of {source.title!r} does not separate scale, mounting and lag: turn it about all three "
             "axes, to and fro"
         )
     m, row, M, lag = len(fitted.residual[0]), fitted.excess, exponential(turned) @ M, lag + float(late)

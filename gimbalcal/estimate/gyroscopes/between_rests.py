@@ -65,10 +65,10 @@ def gyroscopes_between_rests(
 ) -> Calibration:
     """Calibrate gyroscopes against accelerometers from a recording of rests with turns between them.
 
-    terms: gyroscope effects beside the bias (default: scale factor, misalignment, and of scale nonlinearity,
-    asymmetry, temperature and g-sensitivity what the recording supports); those that it does not are declined with a
-    sentence, all of them where the turns miss gravity whatever the errors are, and one that is not there is taken up
-    once in 200 calibrations (`term_selection`). The g-sensitivity comes from the rests. What `more` adds is fitted in
+    terms: gyroscope effects other than the bias (default: scale factor, misalignment, and of scale nonlinearity,
+    asymmetry, temperature and g-sensitivity what the recording supports); the others are declined with a
+    sentence, all of them if no errors of the gyroscopes explain the turns; a term that is truly zero is added once in
+    200 calibrations (`term_selection`). The g-sensitivity comes from the rests. What `more` adds is fitted in
     any case, at rest or on the way. Raises InputError where there are too few turns or no rates, or turns that give
     counts no size.
     """

@@ -1,6 +1,6 @@
 r"""Residuals of gyroscopes at rest and after turns, compared with what their noise explains.
 
-At rest, one sigma of a mean is that of its samples, beside the Earth's horizontal rate, whose direction is not known.
+At rest, one sigma of a mean is that of its samples with the Earth's horizontal rate, whose direction is not known.
 After a turn of duration T in n steps between rests of n_1 and n_2 samples, gravity may be missed by
 
 .. math:: \sigma^2 = \sigma_1^2 + \sigma_2^2 + n (\sigma_\omega \Delta t)^2
@@ -36,7 +36,7 @@ MAX_ASTRAY = 0.1  # rad rms, by which a fit to turns may miss gravity: a hand-tu
 
 
 def rests_in_words(level: ViewsFit) -> list[str]:
-    """A sentence where what a fit leaves at rest is far above the noise of the means."""
+    """Return a sentence if the residual of a fit at rest is far above the noise of the means."""
     sample = level.views[0].noise.sample
     if sample is None or np.any(sample <= MIN_RATE_SIGMA):
         return []  # one row a rest says nothing of its scatter
@@ -45,7 +45,7 @@ def rests_in_words(level: ViewsFit) -> list[str]:
 
 
 def rates_in_words(where: str, residual: Array, explained: Array, cause: str) -> list[str]:
-    """A sentence where residual rates (m, 3) [rad/s] are far above what is explained of each axis (3,)."""
+    """Return a sentence if residual rates (m, 3) [rad/s] are far above those `explained` of each axis (3,)."""
     rms = np.sqrt((residual**2).mean(0))
     i = int(np.argmax(rms / np.maximum(explained, 1e-300)))
     if rms[i] <= MAX_RATE_SCATTER_RATIO * explained[i]:
@@ -55,7 +55,7 @@ def rates_in_words(where: str, residual: Array, explained: Array, cause: str) ->
 
 
 def turns_in_words(turns: Turns, wander: Array, rms: float) -> list[str]:
-    """A sentence where gravity after the turns is missed by far more than noise explains; rms [rad] per component.
+    """Return a sentence if gravity after the turns is missed by far more than noise explains; rms [rad] per component.
 
     wander (m, 3) [rad/s]: misfit of the rests.
     """
@@ -70,7 +70,7 @@ def turns_in_words(turns: Turns, wander: Array, rms: float) -> list[str]:
 
 
 def _clipped_in_words(turns: Turns) -> list[str]:
-    """A sentence where a gyroscope reads the end of its range."""
+    """Return a sentence if a gyroscope reads the end of its range."""
     if not turns.clipped:
         return []
     some = turns.clipped < turns.logged
@@ -85,7 +85,9 @@ def turn_sigma(turns: Turns, wander: Array) -> float:
         return 0.0
     first, last = turns.ends - 1, turns.ends
     steps, T = (turns.step > 0).sum(1), turns.step.sum(1)
-    usual = SIGMA_PER_MEDIAN * float(np.median(np.abs(wander)))  # one odd rest makes no turn uncertain
+    usual = SIGMA_PER_MEDIAN * float(
+        np.median(np.abs(wander))
+    )  # the median, as a single outlying rest does not make all turns uncertain
     down = _direction_sigma(turns)
     level = (T * scale * white) ** 2 / 4 * (1 / n[first] + 1 / n[last])
     on_the_way = steps * (scale * white * T / steps) ** 2
@@ -115,7 +117,7 @@ def undetermined_in_words(undetermined: Sequence[Parameter]) -> list[str]:
 
 
 def sizes_in_words(turns: Turns, fit: ViewsFit) -> list[str]:
-    """A sentence where what effects make of a small rate is no error of a gyroscope but of its range, unit or axes."""
+    """Return a sentence if the effects are too large for errors of a gyroscope: its range, unit or axes are wrong."""
     zero, effects = 0 * turns.stimulus.rate, fit.effects
     sigma = np.array([
         max((s for p, s in zip(fit.parameters, fit.sigmas, strict=True) if p.unit in ("ppm", "arcsec")
@@ -143,7 +145,7 @@ def singular_in_words(condition: float) -> list[str]:
     """Return a sentence where a fit of turns hardly distinguishes its parameters."""
     if condition <= MAX_CONDITION_NUMBER:
         return []
-    return [f"the turns do not tell the gyroscopes' parameters apart (condition number {condition:.1g})"]
+    return [f"the turns do not separate the gyroscopes' parameters (condition number {condition:.1g})"]
 
 
 def astray_in_words(turns: Turns, rms: float) -> list[str]:

@@ -2,16 +2,16 @@ r"""Fits of gyroscopes to dwells (bias, and what gravity does to them) and to tu
 
 Dwells may scatter beyond the noise of their means, as a wandering bias does; how far is estimated with the effects, for
 each axis. Nothing states the noise of turns: sigmas are scaled to their scatter. Turns start and end where the
-calibrated accelerometers say down is. An error of theirs stands in every turn alike, so that no scatter of turns shows
-it, and is added to the covariance. See `views.rest_rates` and `views.turns` for the rows.
+calibrated accelerometers say down is. Their errors are common to all turns and do not appear in the scatter of turns:
+they are added to the covariance. See `views.rest_rates` and `views.turns` for the rows.
 
-In the views with their nuisances eliminated, what the accelerometers leave open of gravity is noise of the turns. With
+In the views with eliminated nuisances, the uncertainty of gravity by the accelerometers is noise of the turns. With
 A the derivative of the rows by the parameters of the accelerometers, of covariance P, and sigma the scatter of the
 turns, the rows are weighed by
 
 .. math:: W = \left(1 + A P A^T / \sigma^2\right)^{-1/2} ,
 
-one for a turn that the accelerometers tell well.
+one for a turn whose gravity the accelerometers determine well.
 """
 
 from __future__ import annotations
@@ -102,9 +102,9 @@ def levelled_by(level: ViewsFit, turns: Turns) -> Turns:
 
 
 def by_motion(extra: Extension, still: View) -> tuple[Extension, Extension]:
-    """The part of extra effects that shows in what a unit at rest reads, and the part that only turning shows.
+    """Return the part of extra effects that acts on a unit at rest, and the part that acts in turns only.
 
-    A constant belongs to the rests where its effect has a size that shows there.
+    A constant belongs to the rests if its effect has a size that acts there.
     """
     by_id = {e.id: e for e in extra.effects}
 
@@ -122,7 +122,7 @@ def by_motion(extra: Extension, still: View) -> tuple[Extension, Extension]:
 def fit_turns(turns: Turns, wanted: Sequence[Parameter], extra: Extension = NO_EXTENSION) -> ViewsFit:
     """Fit parameters of gyroscopes, and those of extra effects, to gravity after each turn.
 
-    Raises InputError where there are fewer turns than parameters ask for, or none that tells some of them apart.
+    Raises InputError where there are fewer turns than parameters require, or none that distinguishes some of them.
     """
     view, every = gravity_after_turns(turns), (*wanted, *extra.parameters)
     terms = ", ".join(dict.fromkeys(p.effect for p in every))
@@ -135,14 +135,14 @@ def fit_turns(turns: Turns, wanted: Sequence[Parameter], extra: Extension = NO_E
         )
     sizes = [p for p in every if p not in extra.constants]  # a constant shows nothing before its effect has a size
     if not columns_are_independent(view.evaluate(extra.effects).jacobian(sizes).reshape(-1, len(sizes))):
-        raise InputError(f"nothing in {number_of(len(view), 'turn')} tells all of {terms} apart")
+        raise InputError(f"nothing in {number_of(len(view), 'turn')} distinguishes all of {terms}")
     return fit([view], every, extra.effects, min_signal=LEAST_SIGNAL)
 
 
 def determined_parameters(turns: Turns, terms: Sequence[str]) -> tuple[Parameter, ...]:
-    r"""Return the parameters of the terms but those that turns leave uncertain by more than any gyroscope is in error.
+    r"""Return the parameters of the terms, except those with a sigma larger than the error of any gyroscope.
 
-    A unit that turned about one axis shows what all gyroscopes read of that rate, and next to nothing of the scale
+    A unit that turned about one axis determines the response of all gyroscopes to that rate, but hardly the scale
     factors of the others, for which a fit then returns any value. A parameter is not determined where
 
     .. math:: \sigma^2 (J^+ J^{+T})_{ii} + (J^+ N N^T J^{+T})_{ii} > 200^2 \quad \text{or} \quad
@@ -231,7 +231,7 @@ def _readout(view: View, turns: Turns | None) -> Readout:
 
 
 def _scatter(view: View) -> float:
-    """Scatter of turns about a linear model [rad], with all that the accelerometers leave open where enough is left."""
+    """Return the scatter of turns about a linear model [rad], with that due to the accelerometers if possible."""
     enough = len(LINEAR) + len(view.nuisances) + MIN_NUMBERS_LEFT <= 2 * len(view)
     free = tuple(replace(p, sigma=np.inf) for p in view.nuisances) if enough else ()
     return max(fit([replace(view, nuisances=free)], LINEAR, min_signal=LEAST_SIGNAL).excess, 1e-150)

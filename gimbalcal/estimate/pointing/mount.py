@@ -195,8 +195,8 @@ class Nights:
 def by_night(joint: ViewsFit, stated: float | None) -> Nights | None:
     """Fit the nights of a joint fit one by one; None where fewer than two have enough stars. stated: sigma of a star.
 
-    Where no sigma is stated, it is what the nights scatter each by itself: what differs between them is no noise. The
-    frames of a mount that tracks remember each other, and its axes scatter apart: then each night has its own noise.
+    If no sigma is stated, it is the scatter within each night: differences between nights are not noise. The
+    frames of a mount that tracks are correlated, and its axes scatter unequally: then each night has its own noise.
     """
     wanted, sigma = joint.solution.parameters, joint.excess
     runs = [v for v in joint.views if len(v.channels) * len(v) >= len(wanted) + MIN_SPARE_DOF]

@@ -7,7 +7,7 @@ Those combinations come back by name. The paper's own method, the Kalman filter 
 coefficients of the attitude error, is in `force_filter`, `harmonics` and `combined_coefficients`, and both are stages
 of the result; all must agree.
 
-With positions as well, what one level cannot see the other supplies. Both state the same parameters of Eq. (6) as
+With positions as well, each level determines what the other cannot. Both state the same parameters of Eq. (6) as
 square-root information, so fusion is addition and needs no transfer of "residuals" from stage to stage. Wu et al.
 (2018) stop short of it: their third stage overwrites twelve coefficients. What is unobservable in both keeps its prior
 sigma and is named.
@@ -56,7 +56,7 @@ def static_view(run: Readings) -> View:
 def static_readings(recording: Recording) -> Readings:
     """The readings of a static run with their noise. Raises InputError where there is nothing to fit.
 
-    Sigma is that of the header over the root of a row's weight; where the header is silent, what the rows scatter
+    Sigma is that of the header over the root of a row's weight; if the header states none, the scatter of the rows
     about the model.
     """
     if not recording.kind.stabilised:
@@ -84,8 +84,8 @@ def _sigmas(run: Readings) -> Array:
 def static_parameters(run: Readings) -> tuple[Parameter, ...]:
     """Parameters of the baseline; a gimbal that was not read has no zero, but the inner one is servoed to its.
 
-    Of the platform's turn about the pole nothing is known beforehand: it is counted from S_t, whose constant is what
-    the platform gimbal reads on average, zero and tilts included. Its size tells nothing of these.
+    The platform's turn about the pole has no prior information: it is counted from S_t, whose constant is the mean
+    reading of the platform gimbal, zero and tilts included. Its size has no information on these.
     """
     grade, names = run.recording.grade, run.recording.platform.axis_names
     usual = map(grade.usual, parameters_of_effects(BASELINE["static-run"], names))
@@ -126,7 +126,7 @@ def calibrate_static_run(
 
 
 def outcome(solution: Solution) -> str:
-    """One sentence where the residual is more than chance and a sigma stated to a few per cent allow, else ""."""
+    """Return a sentence if the residual exceeds what chance and a sigma stated to a few per cent allow, else ""."""
     if solution.chi2 < MAX_REDUCED_CHI2 * solution.dof:
         return ""
     return joined_sentences([f"in the static run {words}" for words in misfit_in_words(solution.chi2, solution.dof)])
@@ -170,7 +170,7 @@ def both_levels(
 
 
 def fuse_stages(before: Calibration, together: Solution, device: Solution, static: Solution) -> Calibration:
-    """Return the calibration of the solution of both stages together, beside what each says alone about the same point.
+    """Return the calibration by the joint solution of both stages, with that of each alone about the same point.
 
     `before` is the device-level calibration, from which effects that neither informs about, and the provenance, are
     kept. `outcome` says so where the two stages contradict each other.
