@@ -141,7 +141,7 @@ def _closed(rows: list[str]) -> list[str]:
 
 
 def of_formula(v: Verdict) -> str:
-    """Return one item with the printed and the derived formula, beside each other where both are short."""
+    """Return one item with the printed and the derived formula, side by side where both are short."""
     printed, derived = (latex(f) for f in v.formulas)
     size = "" if v.size in ("0", "not quantified") else f", {text(v.size)}"
     lines = [f"## {text(v.item)}: {v.verdict}{size}", "", f"`{v.printed.replace('`', chr(39))}`", ""]

@@ -198,7 +198,7 @@ def main() -> None:
         plain = [np.abs(plain_errors(hours, bins=b)).max() for b in (False, True)]
         tell(f"{hours:7.3f} h  {1e6 * ours:8.3f} {1e6 * plain[0]:9.2f} {1e6 * plain[1]:9.2f}\n")
     each, means, x1 = every_sample(24.0, 1.0, 1)
-    tell(f"\nEvery sample against minute means, 24 h at 1 Hz: {np.abs(each - means).max():.1e} rad apart\n")
+    tell(f"\nEvery sample against minute means, 24 h at 1 Hz: they differ by {np.abs(each - means).max():.1e} rad\n")
     tell(
         "x1 [1e-7 rad] less truth at 1 Hz: projection {:.2f}, printed norm {:.2f}, debiased {:.2f}".format(*(1e7 * x1))
     )
