@@ -15,7 +15,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import Curves, plotted_against
 from gimbalcal.diagnose.evidence.channel_scales import likeliest_scales
-from gimbalcal.diagnose.evidence.odds import CLAIM
+from gimbalcal.diagnose.evidence.odds import CLAIM, SURE_PROBABILITY
 from gimbalcal.diagnose.laws.law_claims import (
     Lawful,
     against_walk,
@@ -49,7 +49,7 @@ from gimbalcal.diagnose.verdict.random_walk import (
 )
 from gimbalcal.diagnose.verdict.threshold import detection_limits
 from gimbalcal.diagnose.verdict.verify import row_sigma, view_fit
-from gimbalcal.diagnose.view_result import ViewDiagnosis
+from gimbalcal.diagnose.view_result import ViewDiagnosis, shapes_with_laws
 from gimbalcal.effects.effect import constants
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
@@ -57,6 +57,7 @@ from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences, law_sentences
 
+SURE_ODDS = float(np.log(SURE_PROBABILITY / (1 - SURE_PROBABILITY)))  # ln odds of a formula that replaces causes
 MIN_SETTINGS = 20  # whose residuals show a correlation
 SERIAL_SIGMAS = 5.0  # of a correlation of successive residuals that is none by chance
 
@@ -98,14 +99,18 @@ def diagnose_selected(c: SearchResult, progress: Progress) -> ViewDiagnosis:
 def judged_diagnosis(c: SearchResult, progress: Progress) -> ViewDiagnosis:
     """Return the diagnosis that a search through a view ends in."""
     c, verdicts = confirm_causes(c, progress)
-    formulas = partial(_by_formulas, c, verdicts, progress) if verdicts and not c.start.exact else None
-    return _view_diagnosis(c, verdicts, progress).tested(formulas)
+    by_causes = _view_diagnosis(c, verdicts, progress)
+    formulas = partial(_by_formulas, by_causes, c, verdicts, progress) if verdicts and not c.start.exact else None
+    return by_causes.tested(formulas)
 
 
 def _by_formulas(
-    c: SearchResult, verdicts: Sequence[Judgement], progress: Progress
+    by_causes: ViewDiagnosis, c: SearchResult, verdicts: Sequence[Judgement], progress: Progress
 ) -> tuple[ViewDiagnosis | None, frozenset[str]]:
-    """Return the diagnosis by a formula in the place of causes that it is much likelier than, if there are any."""
+    """Return the diagnosis by a formula in the place of causes that it is much likelier than, if there are any.
+
+    Together with what else is then stated, the formula also has to be surer than all that is stated with the causes.
+    """
     progress("comparing the causes with formulas in what was recorded")
     replaced, doubtful = causes_replaced_by_a_formula(c, [j.cause for j in verdicts])
     names = {cause.key for cause in replaced}
@@ -115,7 +120,8 @@ def _by_formulas(
     without = result_of(c.start, rest, [x for x in c.standard if x in rest], refused=True)
     kept = [j for j in verdicts if j.cause.key not in names]
     formulas = _view_diagnosis(without, kept, progress, refused=True).tested(None)
-    return (formulas if formulas.laws else None), doubtful
+    likelier = formulas.laws and formulas.ln_evidence() > by_causes.ln_evidence() + SURE_ODDS
+    return (formulas if likelier else None), doubtful
 
 
 def _view_diagnosis(
@@ -153,7 +159,7 @@ def _view_diagnosis(
             lawful, odds = against_walk(lawful, walk, advice)
         if lawful.laws:
             c, fit, sigma = c_law, fit_law, row_sigma(with_law)
-            shapes = shapes or tuple(Shape(f"{w.channel} {w.axis}", law_sentences.shape_of_law(w)) for w in lawful.laws)
+            shapes = shapes_with_laws(shapes, lawful.laws)
             verdict = "unexplained" if not findings else verdict
         elif findings or verdict == "adequate":
             lawful = Lawful()

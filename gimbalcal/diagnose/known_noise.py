@@ -56,7 +56,7 @@ from gimbalcal.diagnose.verdict.random_walk import (
 )
 from gimbalcal.diagnose.verdict.threshold import clean_evidence, detection_limits
 from gimbalcal.diagnose.verdict.verify import known_noise_shifts, residual_rows, verify
-from gimbalcal.diagnose.view_result import Contradiction, ViewDiagnosis
+from gimbalcal.diagnose.view_result import Contradiction, ViewDiagnosis, shapes_with_laws
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
 from gimbalcal.views.core import Fit, View, effects_of_another_day
@@ -200,7 +200,8 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = N
         fitted = replace(fitted, unseen=detection_limits([(s.library.candidates, s.projections) for s in c.searches]))
     case.progress("the model with what was found, as a calibration")
     diagnosis = ViewDiagnosis(
-        c.searches[lead].fit.view, d.verdict, mismatch, named, shapes, fitted, answers[lead].curves,
+        c.searches[lead].fit.view, d.verdict, mismatch, named, shapes_with_laws(shapes, law.laws), fitted,
+        answers[lead].curves,
         calibration=joint.calibration(case.known), laws=law.laws, recommend=law.recommend,
         outcome=law.misheld, evidence=_evidence_of_ranking(c, d, case.clean),
         together=tuple(s.fit.view for s in c.searches),

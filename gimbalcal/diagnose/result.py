@@ -140,8 +140,26 @@ class LawCurve:
 
 
 @dataclass(frozen=True)
+class LawTable(Entry):
+    """A law without a closed form: straight lines between knots of its variable, constant beyond the first and last.
+
+    knots (k,): in the unit of print of the variable. values (k,), sigma (k,): what the law adds there, and one sigma of
+    it, in `unit`; both are zero at the first knot, as the calibration holds a constant.
+    """
+
+    knots: tuple[float, ...]
+    values: tuple[float, ...]
+    sigma: tuple[float, ...]
+    unit: str
+
+
+@dataclass(frozen=True)
 class LawResult(Entry):
-    """A law outside the catalogue (interfaces.md section 6), and the class that states it in law.py."""
+    """A law outside the catalogue (interfaces.md section 6), and the class that states it in law.py.
+
+    The expression of a table is "table"; diagnosis.json states its knots, values and sigmas as its parameters, which
+    are here the slopes between the knots.
+    """
 
     channel: str
     axis: str
@@ -162,11 +180,12 @@ class LawResult(Entry):
     known_effects: tuple[str, ...]
     source: str = ""
     curve: LawCurve | None = None
+    table: LawTable | None = None
 
     def to_dict(self) -> Json:
         """Return the entry; its class goes to law.py, its curve into the picture."""
-        entry = super().to_dict()
-        return {key: value for key, value in entry.items() if key not in ("source", "curve")}
+        entry = {key: value for key, value in super().to_dict().items() if key not in ("source", "curve", "table")}
+        return entry if self.table is None else entry | {"parameters": self.table.to_dict()}
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -15,7 +15,7 @@ from gimbalcal.diagnose.verdict.random_walk import PartOfWalk, RandomWalkFinding
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import Fit, View
-from gimbalcal.words import diagnosis_sentences
+from gimbalcal.words import diagnosis_sentences, law_sentences
 
 MAX_DOUBTED_PROBABILITY = 0.45  # of a cause that leaves much, or makes held-out rows worse, or loses to a formula
 
@@ -119,3 +119,10 @@ class ViewDiagnosis:
         if self.fit.predicts_worse:
             return replace(self.doubted(self.effects_found), outcome=diagnosis_sentences.WORSE_HELD_OUT)
         return self.doubted(doubtful) if doubtful else self
+
+
+def shapes_with_laws(shapes: Sequence[Shape], laws: Sequence[LawResult]) -> tuple[Shape, ...]:
+    """Return what is unexplained, of a sensor with a formula as a function of what the formula follows."""
+    of_sensor = {f"{law.channel} {law.axis}": law_sentences.shape_of_law(law) for law in laws}
+    known = tuple(replace(s, shape=of_sensor.get(s.channel, s.shape)) for s in shapes)
+    return tuple(dict.fromkeys(known)) or tuple(Shape(channel, shape) for channel, shape in of_sensor.items())

@@ -134,10 +134,21 @@ def _law(law: LawResult) -> Context:
     return {
         "where": naming.without_underscores(f"{law.channel} {law.axis}"),
         "equation": formula(law.latex), "form": law.form, "domain": printed_number("; ".join(domain)),
-        "rows": [{**row, "words": p.name} for row, p in zip(estimates(law.parameters), law.parameters, strict=True)],
+        "rows": _law_rows(law),
         "alternatives": "; ".join(law.alternatives), "with": " --with ".join([*law.known_effects, law.with_]),
         "known_effects": naming.list_in_words([naming.name_in_words(*one.split(":")) for one in law.known_effects]),
     }  # fmt: skip
+
+
+def _law_rows(law: LawResult) -> list[dict[str, str]]:
+    """Return the numbers of a formula by their letters, or what a table adds at its knots."""
+    if law.table is None:
+        return [{**row, "words": p.name} for row, p in zip(estimates(law.parameters), law.parameters, strict=True)]
+    (variable, unit), *_ = law.units.items()
+    at = [f"{naming.without_underscores(variable)} = {printed_number(significant(x, 4))} {naming.unit_in_print(unit)}"
+          for x in law.table.knots]  # fmt: skip
+    each = zip(at, law.table.values, law.table.sigma, strict=True)
+    return [{**estimate("", None, value, sigma, law.table.unit), "words": words} for words, value, sigma in each]
 
 
 def _law_charts(laws: Sequence[LawResult]) -> list[Chart]:
@@ -157,7 +168,8 @@ def _facts(d: Diagnosis) -> list[tuple[str, str]]:
     reserved = ", with a reservation" if d.outcome else ""
     facts = [(d.verdict.replace("-", " ") + reserved, "verdict")]
     if d.laws and not d.findings:
-        facts = [(f"a formula fits{reserved}", "verdict: not explained by a known effect")]
+        what = "a table" if all(law.table is not None for law in d.laws) else "a formula"
+        facts = [(f"{what} fits{reserved}", "verdict: not explained by a known effect")]
     if isinstance(fit, ViewFit):  # the noise was estimated from the residual, so chi^2 does not test the fit
         unit = f" {naming.unit_in_print(fit.noise.unit)}"
         sizes = [(fit.rms_before, fit.rms_after), (fit.heldout_rms_before, fit.heldout_rms_after)]

@@ -310,10 +310,15 @@ class Fit:
 
     @property
     def scatter(self) -> float:
-        """Rms length of a row's residual, or geometric mean rms of the channels where these differ in scale."""
+        """Rms residual of all channels, or geometric mean of theirs where they differ in scale.
+
+        Rows have the weights of the fit, in which a better model leaves less: a short stretch may scatter ten times as
+        much as a long one.
+        """
+        square = replace(self.view.noise, scales=()).weighted(self.residual) ** 2
         if not self.view.noise.scales:
-            return self.rms
-        return float(np.exp(0.5 * np.log((self.residual**2).mean(axis=0) + 1e-300).mean()))
+            return float(np.sqrt(square.mean()))
+        return float(np.exp(0.5 * np.log(square.mean(axis=0) + 1e-300).mean()))
 
     @property
     def exact(self) -> bool:

@@ -283,7 +283,8 @@ def _next_of_findings(findings: Sequence[Finding]) -> str:
 def _unexplained_headline(d: Diagnosis) -> str:
     size = _size_in_readings(d)
     if d.laws:
-        formula = f"{as_sentence(laws_in_words(d.laws))} No known effect does that; a formula fits these data."
+        what = "a table" if all(law.table is not None for law in d.laws) else "a formula"
+        formula = f"{as_sentence(laws_in_words(d.laws))} No known effect does that; {what} fits these data."
         return f"{formula}{size} {next_of_laws(d.laws, d.recommend)}"
     shape = next(iter(d.unexplained), None)
     follows = f" It {_shape_sentence(shape.shape)}, in {without_underscores(shape.channel)}." if shape else ""

@@ -10,10 +10,11 @@ from gimbalcal.words.naming import list_in_words, name_in_words, typeset, unit_i
 from gimbalcal.words.rounding import distinct_from_zero, significant
 
 if TYPE_CHECKING:
-    from gimbalcal.diagnose.result import Estimate, LawResult
+    from gimbalcal.diagnose.result import Estimate, LawResult, LawTable
 
 SENSORS = {"specific_force": "accelerometer {}", "angular_rate": "gyroscope {}", "gimbal_angle": "the {} axis"}
 POWERS = {"**2": "²", "**3": "³"}
+SHOWN_KNOTS = 6  # of a table, in a sentence
 
 SEARCHING = "looking for a formula in what was recorded"
 SEARCHING_REPLACEMENT = "what was named leaves a residual: looking for a formula that leaves none"
@@ -52,7 +53,11 @@ def laws_in_words(laws: Sequence[LawResult]) -> str:
     parts = []
     for law in laws:
         sensor = SENSORS.get(law.channel, law.channel + " {}").format(without_underscores(law.axis))
-        parts.append(f"{sensor} is off by {law_in_words(law.form, law.parameters, law.units)}")
+        if law.table is not None:
+            (variable, unit), *_ = law.units.items()
+            parts.append(f"{sensor} is off by {table_in_words(law.table, without_underscores(variable), unit)}")
+        else:
+            parts.append(f"{sensor} is off by {law_in_words(law.form, law.parameters, law.units)}")
     known = list(dict.fromkeys(name_in_words(*one.split(":")) for law in laws for one in law.known_effects))
     return "; ".join(parts) + (f", in addition to {list_in_words(known)}, which is known" if known else "")
 
@@ -65,6 +70,21 @@ def next_of_laws(laws: Sequence[LawResult], recommend: str) -> str:
         f"another recording with `{' '.join(options)} --effects law.py`, and look for its physical cause."
     )
     return f"{step} {typeset(recommend)}".rstrip()
+
+
+def table_in_words(table: LawTable, variable: str, unit: str) -> str:
+    """Return a law without a closed form: what it adds at some knots, evenly chosen where they are many.
+
+    >>> from gimbalcal.diagnose.result import LawTable
+    >>> table_in_words(LawTable((-100.0, 0.0, 50.0), (0.0, -3.214, 12.66), (0.0, 0.1, 0.2), "deg/h"), "rate z", "deg/s")
+    'a function of rate z without a closed form: 0 °/h at −100 °/s, −3.21 °/h at 0 °/s and 12.7 °/h at 50.0 °/s'
+    """
+    last, most = len(table.knots) - 1, min(len(table.knots), SHOWN_KNOTS)
+    chosen = [round(k * last / (most - 1)) for k in range(most)]
+    size, at = unit_in_print(table.unit), _unit_of_variable(unit)
+    each = [f"{significant(table.values[k], 3)} {size} at {significant(table.knots[k], 3)} {at}".rstrip()
+            for k in chosen]  # fmt: skip
+    return f"a function of {variable} without a closed form: {list_in_words(each)}".replace("-", "−")
 
 
 def law_in_words(form: str, parameters: Sequence[Estimate], units: Mapping[str, str]) -> str:
@@ -110,6 +130,7 @@ def _factors(text: str, fixed: Mapping[str, str], units: Mapping[str, str]) -> s
     text = re.sub(r"\*?Heaviside\([^)]*\)", "", text).lstrip("*")
     for name, value in fixed.items():
         text = re.sub(rf"(?<![\w.]){name}(?![\w(])", value, text)
+    text = text.replace("- -", "+ ")
     text = re.sub(r"Abs\(\(?([^()]*)\)?\)", r"|\1|", text)
     for power, sign in POWERS.items():
         text = text.replace(power, sign)

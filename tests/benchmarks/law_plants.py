@@ -402,13 +402,23 @@ def felt(r: Recording) -> Recording:
     return r.with_channels({key: made.channels[key] for key in sensors})
 
 
+def _added(law: dict[str, Any], x: Mapping[str, Array]) -> Array:
+    """What a law of diagnosis.json adds at variables in its units: by its table, or by its expression."""
+    import sympy
+
+    if law["expression"] == "table":
+        (values,) = x.values()
+        return np.interp(values, law["parameters"]["knots"], law["parameters"]["values"])
+    symbols = {name: sympy.Symbol(name, real=True) for name in x}
+    f = sympy.lambdify(list(symbols.values()), sympy.sympify(law["expression"], locals=symbols), "numpy")
+    return np.asarray(f(*x.values()), dtype=float)
+
+
 def corrected(r: Recording, laws: list[dict[str, Any]]) -> Recording:
     """The recording with what laws of a diagnosis say taken away: of what is felt, and so in a few rounds.
 
     What is read holds the law too: a law of a twentieth of the rate, at that rate, would be a twentieth too large.
     """
-    import sympy
-
     now = r
     for _ in range(ROUNDS):
         values, channels = variables(felt(now)), dict(r.channels)
@@ -417,9 +427,7 @@ def corrected(r: Recording, laws: list[dict[str, Any]]) -> Recording:
             if missing := set(law["variables"]) - set(values):
                 raise UnknownVariable(", ".join(sorted(missing)))
             x = {name: values[name] for name in law["variables"]}
-            symbols = {name: sympy.Symbol(name, real=True) for name in x}
-            f = sympy.lambdify(list(symbols.values()), sympy.sympify(law["expression"], locals=symbols), "numpy")
-            added = np.broadcast_to(np.asarray(f(*x.values()), dtype=float), r.time.shape)
+            added = np.broadcast_to(np.asarray(_added(law, x), dtype=float), r.time.shape)
             sign = -1 if law["channel"] == "gimbal_angle" else 1  # the true angle is the readout plus its error
             channels[key] = channels[key] - sign * PRINTED[law["channel"]] * added
         now = replace(r, channels=channels)

@@ -1,15 +1,25 @@
 """Gyroscopes on a rate table: what their readings at steady rates lack against the angles of the table."""
 
+import json
 from dataclasses import replace
 
+import jsonschema
 import numpy as np
 import pytest
 
 from gimbalcal.diagnose.entry import diagnose
+from gimbalcal.diagnose.laws.grounds import equal_stretches
+from gimbalcal.diagnose.laws.law_file import source_text
+from gimbalcal.effects import CATALOGUE
+from gimbalcal.effects.loading import temporarily_loaded
 from gimbalcal.errors import InputError
 from gimbalcal.pipeline import load
 from gimbalcal.recording import write
+from gimbalcal.units import from_si, to_si
+from gimbalcal.words.diagnosis_headline import headline
 from tests.estimate.gyroscopes.test_rate_table import run
+from tests.paths import ROOT
+from tests.stimuli import static
 
 pytestmark = pytest.mark.usefixtures("own_catalogue")
 
@@ -136,3 +146,41 @@ def test_a_table_that_stands_is_refused_with_what_to_do():
     still = replace(r, channels={k: 0 * v if k[0] == "gimbal_angle" else v for k, v in r.channels.items()})
     with pytest.raises(InputError, match="turn it at steady rates"):
         diagnose([still])
+
+
+def test_a_law_without_a_closed_form_is_a_table_with_a_band():
+    """A wave in the rate, in print, as law.py adds it, and in a sentence."""
+    r = run("z", 25)
+    w = np.gradient(r.channels["gimbal_angle", "table"], r.time)
+    d = diagnose([with_added(r, "z", lambda _t, _a: 8e-4 * np.sin(w / np.radians(12.0)))])
+    (law,) = d.to_dict()["laws"]
+    jsonschema.validate(d.to_dict(), json.loads((ROOT / "docs/schemas/diagnosis.schema.json").read_text()))
+    assert (law["expression"], law["form"], law["variables"]) == ("table", "table(rate_z)", ["rate_z"])
+    table = law["parameters"]
+    assert len(table["knots"]) == len(table["values"]) == len(table["sigma"]) >= 4
+    assert (table["values"][0], table["sigma"][0], table["unit"]) == (0.0, 0.0, "deg/h")
+    assert [table["knots"][0], table["knots"][-1]] == law["domain"]["rate_z"]
+    rate = np.zeros((50, 3))
+    rate[:, 2] = np.radians(np.linspace(1.2 * table["knots"][0], 1.2 * table["knots"][-1], 50))
+    with temporarily_loaded("law.py", source_text(d.laws)) as (effect,):
+        slopes = {p.name: np.array([to_si(p.value, p.unit)]) for p in d.laws[0].parameters}
+        added = CATALOGUE[effect](**slopes).contribution(replace(static(step=48 * 3600 / len(rate)), rate=rate))[:, 2]
+    stated = np.interp(np.degrees(rate[:, 2]), table["knots"], table["values"])
+    assert from_si(added, "deg/h") == pytest.approx(stated, abs=1e-6 * np.ptp(stated))
+    assert "a function of rate z without a closed form: 0 °/h at −" in headline(d)
+
+
+def test_constants_of_a_law_are_sought_where_rates_of_a_table_are_not_mixed():
+    """A torquer whose error grows with the power 1.4 of the rate, of which the scale factor takes the most part."""
+    r = run("z", 28)
+    w = np.degrees(np.gradient(r.channels["gimbal_angle", "table"], r.time))
+    (law,) = diagnose([with_added(r, "z", lambda _t, _a: 3e-6 * np.sign(w) * np.abs(w) ** 1.4)]).laws
+    (power,) = [p for p in law.parameters if p.name == "p"]
+    assert law.form == "a*sign(rate_z)*Abs(rate_z)**p"
+    assert power.value == pytest.approx(1.4, abs=0.1)
+
+
+def test_stretches_of_rows_end_where_a_group_ends():
+    block = equal_stretches(10, 3, np.array([0, 0, 1, 1, 1, 1, 1, 1, 1, 2]))
+    assert block.tolist() == [0, 0, 1, 1, 2, 2, 2, 3, 3, 4]
+    assert equal_stretches(10, 3).tolist() == [0, 0, 0, 0, 1, 1, 1, 2, 2, 2]

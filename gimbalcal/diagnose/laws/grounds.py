@@ -26,9 +26,15 @@ SIX_SENSOR_STRETCHES = 150  # the same of six sensors at once
 CHANNEL = {Stage.ACCELEROMETER: "specific_force", Stage.GYROSCOPE: "angular_rate", Stage.ENCODER: "gimbal_angle"}
 
 
-def equal_stretches(n: int, most: int = STRETCHES) -> Array:
-    """Ordinals (n,) of at most so many equal stretches."""
-    return np.arange(n) * min(n, most) // n
+def equal_stretches(n: int, most: int = STRETCHES, group: Array | None = None) -> Array:
+    """Return ordinals (n,) of at most so many equal stretches, divided further where one group (n,) of rows ends.
+
+    A stretch that holds rows of two rates of a table has the mean of a law at both, which is that of neither.
+    """
+    equal = np.arange(n) * min(n, most) // n
+    if group is None or len(group) != n or np.count_nonzero(np.diff(group)) > most:
+        return equal
+    return np.cumsum((np.diff(equal, prepend=0) != 0) | (np.diff(group, prepend=group[:1]) != 0))
 
 
 def ground_of_search(s: Search, node: Node, sigma: float) -> Ground | None:
@@ -63,7 +69,7 @@ def _places(fit: Fit) -> list[Place]:
         if quantity not in v.measurement.acts_on or stage not in rows.seen:
             continue
         s, gimbals = rows.seen[stage], stage is Stage.ENCODER
-        block = v.noise.block if len(v.noise.block) else equal_stretches(len(s.time))
+        block = v.noise.block if len(v.noise.block) else equal_stretches(len(s.time), group=v.groups)
         names = v.stimulus.axis_names if gimbals else tuple("xyz")
         # the norm of the force shows each accelerometer, gravity after a turn each gyroscope
         own = {a for q, a in v.channels if q == quantity and a in names} or set(names)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from gimbalcal.diagnose.answer import PRINTED
 from gimbalcal.diagnose.laws.expressions import Expression, Term, unit_as_factor
 from gimbalcal.diagnose.laws.law_search import Law
-from gimbalcal.diagnose.result import Estimate, LawResult
+from gimbalcal.diagnose.result import Estimate, LawResult, LawTable
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
 from gimbalcal.units import from_si
@@ -164,8 +164,15 @@ def _coefficient_divisor(t: Term, k: int) -> str:
     )
 
 
+def _is_table(e: Expression) -> bool:
+    """Return whether a law is a table of one variable."""
+    return len(e.terms) == 1 and e.terms[0].form.key == "table"
+
+
 def printed_form(law: Law) -> str:
     """Return the form of a law with letters for its coefficients and the values of its constants."""
+    if _is_table(law.expression):
+        return f"table({law.expression.terms[0].variable.name})"
     e, description = law.expression, law_as_written(law.expression)
     constants = {a: e.terms[i].printed(j, e.terms[i].constants[j]) for a, i, j in description.constants}
     return _with_numbers(description.text, constants)
@@ -205,13 +212,16 @@ def found_law(
     domain = {v.name: (float(v.printed(v.x.min())), float(v.printed(v.x.max()))) for v in e.variables}
     latex = _latex(description.text, [*units, *(r.name for r in each[0])])
     text = _class(law, description, each, domain, effect, latex, title)
+    tables = [_table(law, x[i : i + m], covariance[i : i + m, i : i + m]) for i in range(0, len(x), m)]
+    if tables[0]:
+        latex = f"f({_upright(e.terms[0].variable.name)})"
     return tuple(
         LawResult(
             channel=place.channel,
             axis=place.axis,
             variables=tuple(units),
-            expression=_with_numbers(description.text, {r.name: r.value for r in rows}),
-            form=description.text,
+            expression=_with_numbers(description.text, {r.name: r.value for r in rows}) if table is None else "table",
+            form=description.text if table is None else printed_form(law),
             unit=PRINTED.get(place.channel, "arcsec"),
             latex=latex,
             parameters=rows,
@@ -225,9 +235,22 @@ def found_law(
             with_=argument,
             known_effects=tuple(known_effects),
             source=text,
+            table=table,
         )
-        for place, rows in zip(law.places, each, strict=True)
+        for place, rows, table in zip(law.places, each, tables, strict=True)
     )
+
+
+def _table(law: Law, x: Array, covariance: Array) -> LawTable | None:
+    """Return the values of a table at its knots, of coefficients x (m,) and their covariance (m, m) [SI]; else None."""
+    (t, *_), unit = law.expression.terms, PRINTED.get(law.channel, "arcsec")
+    if not _is_table(law.expression):
+        return None
+    B = law.expression.of([replace(t.variable, x=np.array(t.constants))]).columns
+    sigma = np.sqrt(np.maximum(np.einsum("km,mn,kn->k", B, covariance, B), 0.0))
+    knots, values, sigma = t.variable.printed(np.array(t.constants)), from_si(B @ x, unit), from_si(sigma, unit)
+    at, added, spread = (tuple(np.asarray(column).tolist()) for column in (knots, values, sigma))
+    return LawTable(at, added, spread, unit)
 
 
 def _parameters(law: Law, description: LawText, x: Array, sigma: Array) -> tuple[Estimate, ...]:
@@ -248,8 +271,13 @@ def _latex(text: str, names: Sequence[str]) -> str:
     import sympy
 
     symbols = {n: sympy.Symbol(n, real=True) for n in names}
-    upright = {s: rf"\mathrm{{{n.replace('_', ' ')}}}" for n, s in symbols.items() if len(n) > 3}
+    upright = {s: _upright(n) for n, s in symbols.items() if len(n) > 3}
     return str(sympy.latex(sympy.sympify(text, locals=symbols), symbol_names=upright))
+
+
+def _upright(name: str) -> str:
+    """A variable in LaTeX, by its name."""
+    return rf"\mathrm{{{name}}}".replace("_", r"\ ")
 
 
 def _identity(law: Law, taken: Sequence[str], suffix: str) -> str:
