@@ -110,7 +110,8 @@ def resampled_readings(t: Array, t2: Array, x: Array) -> Array:
 def are_parts(logs: Sequence[Log]) -> bool:
     """Return whether logs hold the same by the same names, so that each is a part and none is another sensor."""
     contents = [{name: (g.quantity, g.axis) for name, g in log.guesses.items()} for log in logs]
-    return len(contents) > 1 and all(each == contents[0] for each in contents)
+    alike = len(contents) > 1 and all(each == contents[0] for each in contents)
+    return alike and any(quantity != "time" for quantity, _ in contents[0].values())
 
 
 def concatenated_logs(logs: Mapping[Path, Log]) -> tuple[Log, str]:

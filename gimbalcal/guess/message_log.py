@@ -7,6 +7,8 @@ before each number ("ax: 0.1, ay: 0.2", "Ax 0.1 Ay 0.2", "Ax0.1 Ay0.2"), as ROS 
 
 from __future__ import annotations
 
+import ast
+import contextlib
 import json
 import re
 from collections import Counter
@@ -137,15 +139,20 @@ def _pairs(line: str) -> list[tuple[str, str]]:
 
 def _json_pairs(line: str) -> list[tuple[str, str]]:
     """Return the numbers and times in an object of JSON by their path; none where the line is no JSON."""
-    try:
-        content = json.loads(line)
-    except (ValueError, RecursionError):
-        return []
     return [
         (name, str(value))
-        for name, value in leaves_of_object(content)
+        for name, value in leaves_of_object(object_in(line))
         if (isinstance(value, int | float) and not isinstance(value, bool)) or is_date(str(value))
     ]
+
+
+def object_in(line: str) -> dict[str, Any]:
+    """Return the object of JSON in a line, or the dictionary as Python prints one; empty where it holds none."""
+    for read in (json.loads, ast.literal_eval):
+        with contextlib.suppress(ValueError, SyntaxError, RecursionError, MemoryError):
+            content = read(line)
+            return content if isinstance(content, dict) else {}
+    return {}
 
 
 def leaves_of_object(content: Any) -> Iterator[tuple[str, Any]]:
@@ -153,7 +160,7 @@ def leaves_of_object(content: Any) -> Iterator[tuple[str, Any]]:
     pending = [("", content)]
     while pending:
         name, value = pending.pop()
-        if isinstance(value, dict | list):
+        if isinstance(value, dict | list | tuple):
             inner = list(value.items() if isinstance(value, dict) else enumerate(value))
             pending += [(f"{name}_{key}".strip("_"), each) for key, each in reversed(inner)]
         else:

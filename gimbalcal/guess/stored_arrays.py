@@ -18,7 +18,7 @@ import numpy as np
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.column_names import plain_name, quantity_of_log
-from gimbalcal.guess.message_log import leaves_of_object
+from gimbalcal.guess.message_log import leaves_of_object, object_in
 from gimbalcal.guess.text_table import MIN_COLUMNS, Table, table_of_columns, values_of
 from gimbalcal.importers.hdf5 import dataset_names, read_dataset
 from gimbalcal.importers.registry import DAMAGED
@@ -32,6 +32,7 @@ from gimbalcal.recording.samples import redirect_messages
 
 START = 4096  # bytes that show what a file is
 MIN_ROWS = 3
+MAX_SKEW = 1e-3  # of a rotation matrix as it is written, from an orthogonal one
 MAX_RECORD = 32  # numbers of a binary record
 RATE_NAMES = frozenset(("sampling_rate", "sample_rate", "samplingrate", "fs", "freq", "frequency", "rate"))
 INSTEAD = {
@@ -126,10 +127,8 @@ def _holds_arrays(path: Path) -> bool:
 
 def _json_lines(start: bytes) -> bool:
     """Return whether the first line is an object by itself, as in a log of one object to a line."""
-    try:
-        return isinstance(json.loads(start.splitlines()[0]), dict) and b"\n" in start.strip()
-    except (ValueError, RecursionError):
-        return False
+    first, line_end, rest = start.strip().partition(b"\n")
+    return bool(line_end and rest and object_in(first.decode(errors="replace")))
 
 
 def _numpy(path: Path) -> Mapping[str, Any]:
@@ -197,6 +196,22 @@ def _parts(path: Path, variables: Mapping[str, Any]) -> dict[Path, Mapping[str, 
     return {path / name: {**common, quantity: x} for name, x in triads.items()}
 
 
+def _as_quaternions(x: Array) -> Array:
+    """Return rotation matrices, of which the rows of the log are the first axis or the last, as w, x, y, z; else x."""
+    rows_last = x.ndim == 3 and x.shape[:2] == (3, 3) != x.shape[1:]
+    C = np.moveaxis(x, 2, 0) if rows_last else x
+    if C.shape[1:] != (3, 3) or not holds_real_numbers(C):
+        return x
+    whole = np.all(np.isfinite(C), axis=(1, 2))
+    if not whole.any() or np.abs(C[whole] @ np.swapaxes(C[whole], 1, 2) - np.eye(3)).max() > MAX_SKEW:
+        return x
+    from scipy.spatial.transform import Rotation
+
+    q = np.full((len(C), 4), np.nan)
+    q[whole] = Rotation.from_matrix(C[whole]).as_quat(scalar_first=True)
+    return q
+
+
 def _rows_before_components(x: Any) -> Array:
     """Return an array with a row for each reading, of which there are more than components."""
     x = np.squeeze(np.asarray(x))
@@ -216,7 +231,7 @@ def _columns(path: Path, variables: Mapping[str, Any]) -> tuple[dict[str, Any], 
     matrix that alone makes the table has columns by number.
     And the names of what has rows too, but another number of them.
     """
-    arrays = {name: np.squeeze(np.asarray(x)) for name, x in variables.items() if x is not None}
+    arrays = {name: _as_quaternions(np.squeeze(np.asarray(x))) for name, x in variables.items() if x is not None}
     tall = {name: _rows_before_components(x) for name, x in arrays.items() if x.ndim in (1, 2)}
     width, sensors = Counter[int](), Counter[int]()
     for name, x in tall.items():

@@ -317,7 +317,7 @@ def _names(above: Sequence[str], mark: str, width: int, row: Sequence[str]) -> t
     The line with the most words that are known is taken, of equals the last. Units in a line below the names, and
     groups of columns in a line above them, belong to the names; so does what a line below holds for the first alone.
     """
-    filled = 1 + max((i for i, cell in enumerate(row) if cell.strip()), default=0)
+    filled = 1 + max((i for i, cell in enumerate(row) if _is_numeric(cell.strip(" \"'"))), default=0)
     best: tuple[int, int, tuple[str, ...]] = (-1, -1, ())
     for i, line in enumerate(above):
         for cells in _headings(line, mark, width, filled):
@@ -345,7 +345,7 @@ def _names(above: Sequence[str], mark: str, width: int, row: Sequence[str]) -> t
 
 
 def _headings(line: str, mark: str, width: int, filled: int) -> Iterator[tuple[str, ...]]:
-    """Yield the ways to read a line as names of `width` columns, of which `filled` hold something in the first row."""
+    """Yield the ways to read a line as names of `width` columns, of which the first row has numbers up to `filled`."""
     most, comment = width + 1, COMMENT.match(line)
     text = line[comment.end() :] if comment else line
     if not comment:

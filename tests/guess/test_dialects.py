@@ -11,6 +11,7 @@ import numpy as np
 import polars as pl
 import pytest
 import scipy.io
+from scipy.spatial.transform import Rotation
 
 from gimbalcal.errors import InputError
 from gimbalcal.guess.attitude import quaternions
@@ -156,6 +157,20 @@ def test_names_in_two_lines_and_a_reference_of_the_attitude(tmp_path):
     assert np.all(np.sum(attitude[1:] * attitude[:-1], axis=1) > 0)
     with refused():  # which of them measured it is not said
         propose_recording([sensors, tracked.rename(tmp_path / "attitude.csv")])
+
+
+@pytest.mark.parametrize("rows_last", [False, True])
+def test_rotation_matrices_beside_the_sensors_are_an_attitude(tmp_path, rows_last):
+    t, f, w = turned()
+    C = Rotation.from_rotvec(np.outer(np.sin(0.3 * t), [0.4, -0.7, 0.5])).as_matrix()
+    scipy.io.savemat(tmp_path / "imu.mat", {"t": t, "acc": f, "gyro": w})
+    scipy.io.savemat(tmp_path / "vicon.mat", {"ts": t, "rots": np.moveaxis(C, 0, 2) if rows_last else C})
+    both = propose_recording([tmp_path / "imu.mat", tmp_path / "vicon.mat"]).recording
+    attitude = np.stack([both.channels["attitude", axis] for axis in ("qx", "qy", "qz", "qw")], axis=-1)
+    np.testing.assert_allclose(Rotation.from_quat(attitude).as_matrix(), C, atol=1e-6)
+    scipy.io.savemat(tmp_path / "imu.mat", {"t": t, "vals": np.hstack([510 + 10 * f, 370 + 60 * w]).round()})
+    with refused():  # what the six are is not said, whatever stands beside them at the same times
+        propose_recording([tmp_path / "imu.mat", tmp_path / "vicon.mat"])
 
 
 def test_a_named_quantity_of_another_kind_is_never_a_sensor(tmp_path):

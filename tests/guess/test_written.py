@@ -225,6 +225,22 @@ def test_lines_of_json(tmp_path):
     same(propose_recording([path]), t, f, w)
 
 
+def test_lines_of_dictionaries_as_python_prints_them(tmp_path):
+    t, f, w = turned()
+    printed = [{"t": s, "acc": dict(zip("xyz", map(float, a), strict=True)), "gyro": tuple(map(float, b)), "ok": None}
+               for s, a, b in zip(map(float, t), f, w, strict=True)]  # fmt: skip
+    (tmp_path / "a.csv").write_text("\n".join(map(str, printed)), encoding="utf-8")
+    same(propose_recording([tmp_path / "a.csv"]), t, f, w)
+
+
+def test_remarks_behind_the_first_row_need_no_name(tmp_path):
+    head = "Number,Az target (deg),El target (deg),Az encoder (deg),El encoder (deg),"
+    remarks = [*["by eye"] * 20, *[""] * 10]
+    number = [str(k) for k in range(30)]
+    path = write(tmp_path / "a.csv", head, number, AZ, EL, AZ + OFF[0] / 3600, EL + OFF[1] / 3600, remarks)
+    agrees(propose_recording([path]).recording)
+
+
 def test_a_row_without_a_time_is_left_out_and_told(tmp_path):
     t, f, w = turned()
     text = rows(tmp_path / "a.csv", "time,ax,ay,az,gx,gy,gz", t, *f.T, *w.T).read_text().splitlines()
