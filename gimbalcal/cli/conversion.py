@@ -187,7 +187,7 @@ def new(
     from gimbalcal.atomic import write as write_text
     from gimbalcal.guess.proposal import propose_recording
     from gimbalcal.recording import dwells, write
-    from gimbalcal.recording.dwell import in_several_attitudes
+    from gimbalcal.recording.dwell import UP_AND_DOWN, in_several_attitudes
     from gimbalcal.report.new_page import commented_header, duration_and_rate, proposal_page
 
     output.progress(f"reading {number_of(len(logs), 'log')}")
@@ -226,7 +226,7 @@ def new(
     }
     result = {"folder": str(folder), "kind": r.kind, "rests": intervals, "rows": len(r.time), "columns": columns,
               "left_out": list(proposal.left_out), "notes": dict(proposal.notes)}  # fmt: skip
-    after = "calibrate" if stars or turned or r.kind.stabilised or in_several_attitudes(r) else "noise"
+    after = "calibrate" if stars or turned or r.kind.stabilised or in_several_attitudes(r, UP_AND_DOWN) else "noise"
     how = " --method rate-table" if turned and r.has("specific_force") else ""
     how = " --method attitude" if turned and r.axes("attitude") else how
     words = f"wrote {folder}, {description}; {correct}, then: gimbalcal {after} {folder}{how}"

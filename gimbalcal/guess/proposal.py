@@ -55,7 +55,7 @@ from gimbalcal.quantities import refuse_unit
 from gimbalcal.recording import Recording, dwell_means, dwells, from_frame
 from gimbalcal.recording.dates import Dates
 from gimbalcal.recording.detection import LEAST_AT_REST
-from gimbalcal.recording.dwell import Dwell, in_several_attitudes, visited_positions
+from gimbalcal.recording.dwell import UP_AND_DOWN, Dwell, in_several_attitudes, visited_positions
 from gimbalcal.recording.frames import Rig
 from gimbalcal.recording.record import ANGLE, FORCE, RATE
 
@@ -492,7 +492,7 @@ def _in_units(log: Log, context: _Context) -> Proposal:
     are_found = f"{number_of(rests, 'rest')}{where} {'is' if rests == 1 else 'are'} found"
     single = f"{are_found}: enough for `gimbalcal noise`; a calibration takes six or more in different attitudes"
     several = f"multi-position, for {are_found}; rotation is for turns that are navigated sample by sample"
-    notes.setdefault("kind", several if in_several_attitudes(recording) else single)
+    notes.setdefault("kind", several if in_several_attitudes(recording, UP_AND_DOWN) else single)
     notes["noise"] = NOISE_FROM_ROWS
     if rests == len(recording.time) and not log.has("sigma"):
         state = 'accelerometer = { value = 10, unit = "ug" }'

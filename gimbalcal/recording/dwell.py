@@ -17,6 +17,7 @@ from gimbalcal.recording.record import ANGLE, ANGLES, FORCE, Recording
 MEANS = 1.5  # times the samples of a row on the way: a row of a rest is a longer mean
 PAUSE_STEPS = 10.0  # usual steps: nobody knows how a unit turned while the clock paused for longer
 SAME_ATTITUDE = np.cos(np.radians(5.0))  # dwells that are closer than this are one attitude
+UP_AND_DOWN = 6  # attitudes, each of three axes up and down
 MISSED_ROW_STEPS = 1.5  # times the usual step: a row is missing, and rows on both sides have no common middle
 
 
@@ -61,11 +62,15 @@ def attitudes(y: Array) -> int:
     return len(kept)
 
 
-def in_several_attitudes(recording: Recording) -> bool:
-    """Return whether accelerometers rest in attitudes that differ, by the angles of a platform or else by the force."""
+def in_several_attitudes(recording: Recording, fewest: int = 2) -> bool:
+    """Return whether accelerometers rest at different angles of a platform, or in so many attitudes by the force.
+
+    `UP_AND_DOWN` attitudes are the fewest that determine bias and scale factor of three accelerometers.
+    """
     if not recording.has(FORCE) or visited_positions(recording) < 2:
         return False
-    return recording.has(ANGLE) or len(recording.axes(FORCE)) < 3 or attitudes(dwell_means(recording).triad(FORCE)) > 1
+    known = recording.has(ANGLE) or len(recording.axes(FORCE)) < 3
+    return known or attitudes(dwell_means(recording).triad(FORCE)) >= fewest
 
 
 @dataclass(frozen=True)

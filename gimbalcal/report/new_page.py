@@ -9,7 +9,7 @@ import numpy as np
 from gimbalcal.errors import number_of
 from gimbalcal.guess.proposal import Proposal
 from gimbalcal.recording import Dwell, Recording, dwells
-from gimbalcal.recording.dwell import in_several_attitudes
+from gimbalcal.recording.dwell import UP_AND_DOWN, in_several_attitudes
 from gimbalcal.report.chart import COLOURS, Band, Chart, Line, Mark, Points, Words, envelope
 from gimbalcal.report.html import picture, render
 from gimbalcal.units import from_si
@@ -84,7 +84,8 @@ def _answer(proposal: Proposal, count: int) -> str:
         return f"Gyroscopes on a table, {duration_and_rate(r)}. {NEXT[:-1]} together with those of the other mountings."
     few = " Nine or more in different attitudes are needed for all errors of three accelerometers." if count < 9 else ""
     faces = " with `--terms bias,scale_factor`, for which six faces suffice" if 6 <= count < 9 else ""
-    after = f"`gimbalcal calibrate` this folder{faces}" if in_several_attitudes(r) else "`gimbalcal noise` this folder"
+    enough = in_several_attitudes(r, UP_AND_DOWN)
+    after = f"`gimbalcal calibrate` this folder{faces}" if enough else "`gimbalcal noise` this folder"
     return (
         f"{number_of(count, 'rest')} found in {duration_in_words(float(np.ptp(r.time)))}.{few} Next: correct "
         f"recording.toml where a guess below is wrong, then {after}."
