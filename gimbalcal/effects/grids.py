@@ -103,7 +103,12 @@ def highest_order(s: Stimulus) -> float:
     with M the first order at which all settings of a gimbal coincide again: three where all stand on multiples of 45
     degrees. Settings that stand on no common step, as stars do, tell every order.
     """
-    return max((_highest_resolved_order(angle) for angle in s.readout.T), default=0.0)
+    return max(highest_orders(s), default=0.0)
+
+
+def highest_orders(s: Stimulus) -> tuple[float, ...]:
+    """Return of each gimbal the highest harmonic that its own settings distinguish from lower ones."""
+    return tuple(_highest_resolved_order(angle) for angle in s.readout.T)
 
 
 def _highest_resolved_order(angle: Array) -> float:

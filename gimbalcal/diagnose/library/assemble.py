@@ -20,7 +20,7 @@ from gimbalcal.diagnose.library.candidates import (
 from gimbalcal.diagnose.library.shapes import shapes_in_outputs, shapes_of
 from gimbalcal.effects import CATALOGUE, Effect, Parameter
 from gimbalcal.effects.effect import Grid, constants, order_of
-from gimbalcal.effects.grids import Constant, kind, resolved_numbers
+from gimbalcal.effects.grids import Constant, highest_orders, kind, resolved_numbers
 from gimbalcal.forward import Rows
 from gimbalcal.inference.algebra import beyond, orthonormal
 from gimbalcal.number import Array
@@ -32,6 +32,7 @@ MISFIT_RATIO_OF_ORDERS = 5.0  # times the relative misfit: laws of second and th
 # values of a scan on either side, a third of a line width between them, the median of which is the noise at a line
 NEIGHBOUR_VALUES = 24
 NEIGHBOURING_ORDERS = 9  # whole numbers about each of them
+ORDERS = "highest orders"  # of each gimbal, in the cache of a view
 SCALE_STEP = 0.5  # of ln of the scale of a channel, between those at which whole numbers are scanned
 MAX_CHOICES = 150  # choices of constants that are compared; of more, those that explain most
 
@@ -83,9 +84,22 @@ class _Columns:
         return self.fit.residual if self.fit.view.noise.scale_known else self.rows.residual
 
     def of(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
-        """Return the columns of an effect per prior sigma, reduced where the scale of the noise is known."""
+        """Return the columns of an effect per prior sigma, reduced where the scale of the noise is known.
+
+        Elsewhere those of a number that the settings of its gimbal do not tell are zero: on a step of 1 deg, a worm of
+        360 teeth is a constant but for the noise of the readouts, which it would explain by itself.
+        """
+        v = self.fit.view
         X = np.nan_to_num(self.rows.columns(effect, wanted) * np.array([p.sigma for p in wanted]))
-        return self.fit.reduced(X) if self.fit.view.noise.scale_known else X
+        if v.noise.scale_known:
+            return self.fit.reduced(X)
+        whole = next((f for f in constants(type(effect)) if kind(f) is Grid.WHOLE), None)
+        if whole is not None and v.stimulus.axis_names:
+            if ORDERS not in v.cache:
+                v.cache[ORDERS] = np.array(highest_orders(v.stimulus))
+            told = dict(zip(v.stimulus.axis_names, v.cache[ORDERS], strict=True))
+            X = X * np.array([getattr(effect, whole.name) <= told.get(p.axis, np.inf) for p in wanted])
+        return X
 
 
 def columns_at(fit: Fit, c: Candidate, at: Constants) -> Array:
