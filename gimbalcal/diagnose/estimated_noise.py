@@ -170,7 +170,10 @@ def _view_diagnosis(
         outcome = diagnosis_sentences.serial_correlation(v, max(serial.values()), len(sigma) ** -0.5)
     if verdict == "adequate" and not c.start.exact:
         remaining = assemble_library(c.end)
-        fit = replace(fit, unseen=detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))]))
+        limits = detection_limits([(remaining.candidates, projections_of(c.end, remaining.X))])
+        fit = replace(fit, unseen=limits if remaining.candidates else None)
+    if verdict == "adequate":
+        outcome = diagnosis_sentences.untested_in_words(v, fit)
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(
         v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), model, laws=lawful.laws, recommend=recommend,

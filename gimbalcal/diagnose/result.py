@@ -15,7 +15,7 @@ from gimbalcal.entries import Entry, Json
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, to_si
 
-MAX_HELDOUT_RATIO = 5.0  # of held-out rms to fitted rms; above it the data do not test the model
+MAX_HELDOUT_RATIO = 2.5  # of held-out rms to fitted rms; above it the data do not test the model
 
 
 @dataclass(frozen=True)
@@ -300,6 +300,11 @@ class FitSummary(Entry):
         return 0.0, ""
 
     @property
+    def untested(self) -> bool:
+        """Return whether rows held out are off far more than fitted ones; a noise that is stated tests the fit."""
+        return False
+
+    @property
     def predicts_worse(self) -> bool:
         """Return whether rows held out are predicted worse with what was found than without it."""
         return self.heldout_after > self.heldout_before
@@ -359,8 +364,8 @@ class ViewFit(FitSummary):
 
     @property
     def untested(self) -> bool:
-        """Return whether rows held out are off far more than fitted ones: a parameter depends on one of them."""
-        return self.heldout_rms_after >= MAX_HELDOUT_RATIO * self.rms_after
+        """Return whether rows held out are off far more than fitted ones, or no effect of a usual size would show."""
+        return self.unseen == () or self.heldout_rms_after > MAX_HELDOUT_RATIO * self.rms_after
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,8 @@ def headline(d: Diagnosis) -> str:
         return _verdict_headline(d)
     if d.provenance.get("untested"):
         return f"The model is not tested. {as_sentence(d.outcome)} Next: hold the unit in more attitudes."
+    if d.verdict == "adequate" and any(f.untested for f in (d.fit.views or {"": d.fit}).values()):
+        return f"The model is not tested. {as_sentence(d.outcome)}"
     if d.verdict == "adequate":
         stated = d.provenance.get("noise_stated", True)
         noise = "their noise as stated" if stated else "the noise of their samples explains"

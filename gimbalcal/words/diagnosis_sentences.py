@@ -84,7 +84,7 @@ def fit_in_words(v: View, fit: FitSummary, findings: Sequence[Finding], several:
         return chi2_reduction(fit, of) if findings else f"{of} is {fit.chi2_reduced_before:.3g}."
     of_view = cast("ViewFit", fit)
     size = misfit_reduction(v, of_view) if findings else residual_sentence(v, of_view)
-    return f"{size} {held_out_sentence(v, of_view)}".strip()
+    return f"{size} But {untested}." if findings and (untested := untested_in_words(v, of_view)) else size
 
 
 def reservation_sentence(verdict: str, findings: Sequence[Finding], unexplained: Sequence[Shape]) -> str:
@@ -309,14 +309,19 @@ def omitted_frames(times: Array, size: float) -> str:
     )
 
 
-def held_out_sentence(v: View, fit: ViewFit) -> str:
-    """Return that held-out rows are off far more than fitted ones, as for too few rows; empty otherwise."""
+def untested_in_words(v: View, fit: ViewFit) -> str:
+    """Return why rows do not test their model: held-out ones are off far more, or no effect would show; else empty."""
     if not fit.untested:
         return ""
     rows = v.measurement.rows
+    if fit.unseen == ():
+        return (
+            f"no effect of the catalogue would show at its usual size in {rows} with residuals of "
+            f"{three_digits(fit.rms_after)} {v.unit}, so these data do not test the model; find what scatters them"
+        )
     return (
-        f"But held-out {rows} are off by {three_digits(fit.heldout_rms_after)} {v.unit}: a parameter depends on one "
-        f"of them alone, so these data do not test the model; record more {rows}."
+        f"held-out {rows} are off by {three_digits(fit.heldout_rms_after)} {v.unit}: parameters depend on one or two "
+        f"of them, so these data do not test the model; record more {rows}"
     )
 
 

@@ -8,7 +8,9 @@ import pytest
 from gimbalcal.diagnose import diagnose
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.accelerometers.multiposition import multiposition
-from gimbalcal.recording.record import FORCE
+from gimbalcal.importers.pointing_files import pointing_run
+from gimbalcal.platform import KNOWN
+from gimbalcal.recording.record import FORCE, UNKNOWN_SITE
 from gimbalcal.views.norm import attitudes, determined_terms, undetermined_misalignments
 from gimbalcal.words.diagnosis_headline import headline
 from tests.estimate.accelerometers.test_multiposition import TRUTH, rested, scattered
@@ -77,3 +79,30 @@ def test_a_word_of_stated_noise_needs_a_header_that_states_it():
         if not noise:
             assert "stated noise" not in words
             assert "as stated" not in words
+
+
+def sighted(path, elevation, noise, seed=5):
+    """A run of stars [rad] in any order, whose readouts scatter by `noise` [rad] on the sky."""
+    rng, n = np.random.default_rng(seed), len(elevation)
+    true = {"azimuth": rng.uniform(0, 2 * np.pi, n), "elevation": rng.permutation(elevation)}
+    off = {"azimuth": rng.normal(0, noise, n) / np.cos(true["elevation"]), "elevation": rng.normal(0, noise, n)}
+    path.touch()
+    read = {axis: x + off[axis] for axis, x in true.items()}
+    return pointing_run(path, KNOWN["alt-az"], UNKNOWN_SITE, 60.0 * np.arange(n), read, true)
+
+
+HIGH = np.radians(np.r_[10.0, np.linspace(70, 75, 7)])
+
+
+@pytest.mark.parametrize(("elevation", "noise_deg"), [(HIGH, 0.03), (np.radians(np.linspace(15, 75, 60)), 5.0)])
+def test_a_mount_is_not_tested_by_one_low_star_nor_where_no_effect_would_show(tmp_path, elevation, noise_deg):
+    found = diagnose([sighted(tmp_path / "a", elevation, np.radians(noise_deg))])
+    assert found.verdict == "adequate"
+    golden_text(headline(found))
+    assert found.outcome
+
+
+def test_elevations_on_a_common_step_show_no_worm_of_as_many_teeth(tmp_path):
+    """Of white noise; the readouts of 60 elevations on 59 steps of 60 deg coincide at 354 teeth, but for that noise."""
+    found = diagnose([sighted(tmp_path / "a", np.radians(np.linspace(15, 75, 60)), np.radians(0.03))])
+    assert (found.verdict, found.findings, found.outcome) == ("adequate", (), "")

@@ -78,7 +78,7 @@ def test_the_sentences_of_a_diagnosis(golden):
         "unexplained without a shape": of_forces("unexplained", [], [], []),
         "adequate, in the unit of the readings": of_view("adequate", [], []),
         "missing physics, in the unit of the readings": of_view("missing-physics", [CUBIC], [WAVE]),
-        "few readings": diagnosis_sentences.answer("adequate", [(STARS, few, [])], [], OFF),
+        "few readings": diagnosis_sentences.answer("missing-physics", [(STARS, few, [CUBIC])], [], OFF),
         "two views": diagnosis_sentences.answer("adequate", [(FORCES, FIT, []), (STARS, VIEW_FIT, [])], [], OFF),
         "turns": diagnosis_sentences.misfit_reduction(STARS, turned),
         "standard error": diagnosis_sentences.residual_sentence(STARS, sampled[1.44]),
