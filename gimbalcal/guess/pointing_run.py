@@ -60,7 +60,7 @@ _ANGLE_WORDS = frozenset(["angle", "winkel", "theta", "phi"])
 _READOUT = _ANGLE_WORDS | {"pos", "position", "counter", "resolver", "servo", "axis", "achse", "encoder"}
 MIN_JUMP_DEG, MIN_AROUND_DEG, MIN_UP_DEG = 1.0, 90.0, 30.0  # of azimuths and elevations of stars without names
 MIN_CORRELATION, MAX_COLUMNS = 0.98, 6  # of a readout and a measurement of one axis; columns of such a table
-MAX_RATIO = 1.25  # of two columns that are both taken for angles of one axis, where one goes round or has no name
+MAX_RATIO = 1.25  # of two columns taken for angles of one axis, where one goes round or no name tells them from others
 MAX_TURNS = 100  # of an axis, beyond which a number is no angle in deg
 MAX_OFFSET_DEG = 1.0  # deg; offsets beyond are arcseconds
 ASSUMED_SENSE = "measured minus commanded, as most write it: nothing in the file says so"
@@ -160,7 +160,8 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     read, true = (np.asarray(to_si(angles[n], u or usual)) for n, u in zip((first, second), units, strict=True))
     ratio = float(np.polyfit(read, true, 1)[0])
     turns = max(np.ptp(read), np.ptp(true)) > np.radians(360)
-    doubtful = turns or any(is_anonymous(n) and n not in counts for n in (first, second))
+    beside = len(angles) > 2 and any(is_anonymous(n) for n in pairs[0])  # what else these two may be, nobody says
+    doubtful = turns or (beside and not counts)
     if doubtful and not signal and not 1 / MAX_RATIO < abs(ratio) < MAX_RATIO:
         remedy = (
             "the angle of the axis; leave out the one before a gear, or divide it by its ratio"

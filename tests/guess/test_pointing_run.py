@@ -116,7 +116,8 @@ def test_two_columns_without_names_of_other_scales_are_not_both_angles(tmp_path)
         propose_recording([write(tmp_path / "p.csv", "", -532700.0 + command, -6305509.0 - command)])
     with refused():  # the height of a tripod and the pressure of the air, at three stations
         station = np.array([335.0, 374.0, 326.0])[np.arange(80) // 27]
-        propose_recording([write(tmp_path / "s.csv", "", station, 1000.0 - 0.49 * (station - 335.0))])
+        path = write(tmp_path / "s.csv", "", RNG.normal(0, 1, 80), station, 1000.0 - 0.49 * (station - 335.0))
+        propose_recording([path], rate=1)
     run = propose_recording(
         [write(tmp_path / "u.csv", "axis_deg,axis_rad", command, np.radians(command + 1))]
     ).recording
