@@ -16,6 +16,7 @@ from gimbalcal.effects import CATALOGUE
 from gimbalcal.recording import Recording
 from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences, law_sentences
+from gimbalcal.words.naming import without_underscores
 
 MAX_DOUBTED_PROBABILITY = 0.45  # of a cause that leaves much, or makes held-out rows worse, or loses to a formula
 
@@ -122,7 +123,14 @@ class ViewDiagnosis:
 
 
 def shapes_with_laws(shapes: Sequence[Shape], laws: Sequence[LawResult]) -> tuple[Shape, ...]:
-    """Return what is unexplained, of a sensor with a formula as a function of what the formula follows."""
-    of_sensor = {f"{law.channel} {law.axis}": law_sentences.shape_of_law(law) for law in laws}
-    known = tuple(replace(s, shape=of_sensor.get(s.channel, s.shape)) for s in shapes)
-    return tuple(dict.fromkeys(known)) or tuple(Shape(channel, shape) for channel, shape in of_sensor.items())
+    """Return what is unexplained; of a sensor with a formula that follows something else, what the formula follows."""
+    of_sensor = {f"{law.channel} {law.axis}": law for law in laws}
+
+    def known(s: Shape) -> Shape:
+        law = of_sensor.get(s.channel)
+        if law is None or all(without_underscores(v) in s.shape for v in law.variables):
+            return s
+        return replace(s, shape=law_sentences.shape_of_law(law))
+
+    every = (Shape(channel, law_sentences.shape_of_law(law)) for channel, law in of_sensor.items())
+    return tuple(dict.fromkeys(known(s) for s in shapes)) or tuple(every)

@@ -10,6 +10,8 @@ import pytest
 from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.laws.grounds import equal_stretches
 from gimbalcal.diagnose.laws.law_file import source_text
+from gimbalcal.diagnose.result import LawResult, Shape
+from gimbalcal.diagnose.view_result import shapes_with_laws
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.loading import temporarily_loaded
 from gimbalcal.errors import InputError
@@ -21,6 +23,7 @@ from tests.estimate.gyroscopes.test_rate_table import run
 from tests.paths import ROOT
 from tests.stimuli import static
 
+LAW = LawResult("angular_rate", "z", ("time",), "", "", "deg/h", "", (), {}, {}, 0.0, 0.0, 0.0, (), "", "", ())
 pytestmark = pytest.mark.usefixtures("own_catalogue")
 
 
@@ -184,3 +187,12 @@ def test_stretches_of_rows_end_where_a_group_ends():
     block = equal_stretches(10, 3, np.array([0, 0, 1, 1, 1, 1, 1, 1, 1, 2]))
     assert block.tolist() == [0, 0, 1, 1, 2, 2, 2, 3, 3, 4]
     assert equal_stretches(10, 3).tolist() == [0, 0, 0, 0, 1, 1, 1, 2, 2, 2]
+
+
+def test_a_shape_that_names_what_a_formula_follows_is_kept():
+    law = replace(LAW, axis="z", variables=("time",))
+    smooth, other = Shape("angular_rate z", "a smooth function of time"), Shape("angular_rate x", "a pattern in time")
+    assert shapes_with_laws((smooth, other), [law]) == (smooth, other)
+    of_rate = replace(law, variables=("rate_z",))
+    assert shapes_with_laws((smooth, other), [of_rate]) == (Shape("angular_rate z", "a function of rate z"), other)
+    assert shapes_with_laws((), [of_rate]) == (Shape("angular_rate z", "a function of rate z"),)

@@ -65,7 +65,7 @@ def test_two_sessions_are_one_recording():
     assert join([a]) is a
 
 
-APART = "the sessions stand as far apart as their dates say"
+APART = "the time between sessions is that of their dates"
 AT = 1.79e9  # s since 1970
 
 
