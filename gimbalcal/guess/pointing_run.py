@@ -160,8 +160,8 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     read, true = (np.asarray(to_si(angles[n], u or usual)) for n, u in zip((first, second), units, strict=True))
     ratio = float(np.polyfit(read, true, 1)[0])
     turns = max(np.ptp(read), np.ptp(true)) > np.radians(360)
-    beside = len(angles) > 2 and any(is_anonymous(n) for n in pairs[0])  # what else these two may be, nobody says
-    doubtful = turns or (beside and not counts)
+    unnamed = len(angles) > 2 and any(is_anonymous(n) for n in pairs[0])  # among other columns, two of any meaning
+    doubtful = turns or (unnamed and not counts)
     if doubtful and not signal and not 1 / MAX_RATIO < abs(ratio) < MAX_RATIO:
         remedy = (
             "the angle of the axis; leave out the one before a gear, or divide it by its ratio"

@@ -97,8 +97,8 @@ class _Columns:
         if whole is not None and v.stimulus.axis_names:
             if ORDERS not in v.cache:
                 v.cache[ORDERS] = np.array(highest_orders(v.stimulus))
-            told = dict(zip(v.stimulus.axis_names, v.cache[ORDERS], strict=True))
-            X = X * np.array([getattr(effect, whole.name) <= told.get(p.axis, np.inf) for p in wanted])
+            highest = dict(zip(v.stimulus.axis_names, v.cache[ORDERS], strict=True))
+            X = X * np.array([getattr(effect, whole.name) <= highest.get(p.axis, np.inf) for p in wanted])
         return X
 
 
