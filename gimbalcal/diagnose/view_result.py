@@ -126,11 +126,11 @@ def shapes_with_laws(shapes: Sequence[Shape], laws: Sequence[LawResult]) -> tupl
     """Return what is unexplained; of a sensor with a formula that follows something else, what the formula follows."""
     of_sensor = {f"{law.channel} {law.axis}": law for law in laws}
 
-    def known(s: Shape) -> Shape:
+    def stated(s: Shape) -> Shape:
         law = of_sensor.get(s.channel)
         if law is None or all(without_underscores(v) in s.shape for v in law.variables):
             return s
         return replace(s, shape=law_sentences.shape_of_law(law))
 
     every = (Shape(channel, law_sentences.shape_of_law(law)) for channel, law in of_sensor.items())
-    return tuple(dict.fromkeys(known(s) for s in shapes)) or tuple(every)
+    return tuple(dict.fromkeys(stated(s) for s in shapes)) or tuple(every)

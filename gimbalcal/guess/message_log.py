@@ -148,6 +148,8 @@ def _json_pairs(line: str) -> list[tuple[str, str]]:
 
 def object_in(line: str) -> dict[str, Any]:
     """Return the object of JSON in a line, or the dictionary as Python prints one; empty where it holds none."""
+    if not line.lstrip().startswith("{"):
+        return {}
     for read in (json.loads, ast.literal_eval):
         with contextlib.suppress(ValueError, SyntaxError, RecursionError, MemoryError):
             content = read(line)

@@ -29,6 +29,7 @@ from gimbalcal.report.html import Context, Picture, picture, render
 from gimbalcal.report.parameters import estimate, estimates, in_sigmas
 from gimbalcal.words import naming
 from gimbalcal.words.diagnosis_headline import finding_sentence, headline
+from gimbalcal.words.law_sentences import kind_of_laws
 from gimbalcal.words.rounding import p_value, printed_number, rms, sensible_time, significant
 
 MAX_PANELS = 6
@@ -168,8 +169,7 @@ def _facts(d: Diagnosis) -> list[tuple[str, str]]:
     reserved = ", with a reservation" if d.outcome else ""
     facts = [(d.verdict.replace("-", " ") + reserved, "verdict")]
     if d.laws and not d.findings:
-        what = "a table" if all(law.table is not None for law in d.laws) else "a formula"
-        facts = [(f"{what} fits{reserved}", "verdict: not explained by a known effect")]
+        facts = [(f"{kind_of_laws(d.laws)} fits{reserved}", "verdict: not explained by a known effect")]
     if isinstance(fit, ViewFit):  # the noise was estimated from the residual, so chi^2 does not test the fit
         unit = f" {naming.unit_in_print(fit.noise.unit)}"
         sizes = [(fit.rms_before, fit.rms_after), (fit.heldout_rms_before, fit.heldout_rms_after)]

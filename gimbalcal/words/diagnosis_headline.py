@@ -24,7 +24,7 @@ from gimbalcal.words.diagnosis_sentences import (
     MAX_ALTERNATIVES,
     MAX_EXCESS_SCATTER,
 )
-from gimbalcal.words.law_sentences import laws_in_words, next_of_laws
+from gimbalcal.words.law_sentences import kind_of_laws, laws_in_words, next_of_laws
 from gimbalcal.words.naming import (
     as_sentence,
     capitalised,
@@ -285,8 +285,8 @@ def _next_of_findings(findings: Sequence[Finding]) -> str:
 def _unexplained_headline(d: Diagnosis) -> str:
     size = _size_in_readings(d)
     if d.laws:
-        what = "a table" if all(law.table is not None for law in d.laws) else "a formula"
-        formula = f"{as_sentence(laws_in_words(d.laws))} No known effect does that; {what} fits these data."
+        known = f"No known effect does that; {kind_of_laws(d.laws)} fits these data."
+        formula = f"{as_sentence(laws_in_words(d.laws))} {known}"
         return f"{formula}{size} {next_of_laws(d.laws, d.recommend)}"
     shape = next(iter(d.unexplained), None)
     follows = f" It {_shape_sentence(shape.shape)}, in {without_underscores(shape.channel)}." if shape else ""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from gimbalcal.words.naming import list_in_words, name_in_words, typeset, unit_in_print, without_underscores
-from gimbalcal.words.rounding import distinct_from_zero, significant
+from gimbalcal.words.rounding import distinct_from_zero, printed_number, significant
 
 if TYPE_CHECKING:
     from gimbalcal.diagnose.result import Estimate, LawResult, LawTable
@@ -41,6 +41,11 @@ DIFFERENT_SIZES = (
 )
 KNOWN_CAUSE = "take {more}: {names}, which is known, explains these data as well as the formula that fits best, {law}"
 SEVERAL_FORMULAS = "take {more} in which {names} vary independently of each other: several formulas fit alike, {alike}"
+
+
+def kind_of_laws(laws: Sequence[LawResult]) -> str:
+    """Return what laws are in print: a table where none of them has a closed form, else a formula."""
+    return "a table" if all(law.table is not None for law in laws) else "a formula"
 
 
 def shape_of_law(law: LawResult) -> str:
@@ -82,9 +87,9 @@ def table_in_words(table: LawTable, variable: str, unit: str) -> str:
     last, most = len(table.knots) - 1, min(len(table.knots), SHOWN_KNOTS)
     chosen = [round(k * last / (most - 1)) for k in range(most)]
     size, at = unit_in_print(table.unit), _unit_of_variable(unit)
-    each = [f"{significant(table.values[k], 3)} {size} at {significant(table.knots[k], 3)} {at}".rstrip()
-            for k in chosen]  # fmt: skip
-    return f"a function of {variable} without a closed form: {list_in_words(each)}".replace("-", "−")
+    printed = [[printed_number(significant(x, 3)) for x in (table.values[k], table.knots[k])] for k in chosen]
+    each = [f"{value} {size} at {knot} {at}".rstrip() for value, knot in printed]
+    return f"a function of {variable} without a closed form: {list_in_words(each)}"
 
 
 def law_in_words(form: str, parameters: Sequence[Estimate], units: Mapping[str, str]) -> str:

@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.diagnose.entry import diagnose
-from gimbalcal.diagnose.laws.grounds import equal_stretches
 from gimbalcal.diagnose.laws.law_file import source_text
-from gimbalcal.diagnose.result import LawResult, Shape
-from gimbalcal.diagnose.view_result import shapes_with_laws
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.effects.loading import temporarily_loaded
 from gimbalcal.errors import InputError
@@ -23,7 +20,6 @@ from tests.estimate.gyroscopes.test_rate_table import run
 from tests.paths import ROOT
 from tests.stimuli import static
 
-LAW = LawResult("angular_rate", "z", ("time",), "", "", "deg/h", "", (), {}, {}, 0.0, 0.0, 0.0, (), "", "", ())
 pytestmark = pytest.mark.usefixtures("own_catalogue")
 
 
@@ -181,18 +177,3 @@ def test_constants_of_a_law_are_sought_where_rates_of_a_table_are_not_mixed():
     (power,) = [p for p in law.parameters if p.name == "p"]
     assert law.form == "a*sign(rate_z)*Abs(rate_z)**p"
     assert power.value == pytest.approx(1.4, abs=0.1)
-
-
-def test_stretches_of_rows_end_where_a_group_ends():
-    block = equal_stretches(10, 3, np.array([0, 0, 1, 1, 1, 1, 1, 1, 1, 2]))
-    assert block.tolist() == [0, 0, 1, 1, 2, 2, 2, 3, 3, 4]
-    assert equal_stretches(10, 3).tolist() == [0, 0, 0, 0, 1, 1, 1, 2, 2, 2]
-
-
-def test_a_shape_that_names_what_a_formula_follows_is_kept():
-    law = replace(LAW, axis="z", variables=("time",))
-    smooth, other = Shape("angular_rate z", "a smooth function of time"), Shape("angular_rate x", "a pattern in time")
-    assert shapes_with_laws((smooth, other), [law]) == (smooth, other)
-    of_rate = replace(law, variables=("rate_z",))
-    assert shapes_with_laws((smooth, other), [of_rate]) == (Shape("angular_rate z", "a function of rate z"), other)
-    assert shapes_with_laws((), [of_rate]) == (Shape("angular_rate z", "a function of rate z"),)

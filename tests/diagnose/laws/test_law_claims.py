@@ -16,6 +16,7 @@ from gimbalcal import calibrate, load_effects
 from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.laws import law_claims
 from gimbalcal.diagnose.laws.expressions import Expression, terms_of_variable
+from gimbalcal.diagnose.laws.grounds import equal_stretches
 from gimbalcal.diagnose.laws.law_claims import (
     _evidence_without_clearest_groups,
     _rival_laws,
@@ -28,9 +29,11 @@ from gimbalcal.diagnose.laws.law_file import source_text
 from gimbalcal.diagnose.laws.law_search import Ground, Law, Place
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.library.variables import variables
+from gimbalcal.diagnose.result import LawResult, Shape
 from gimbalcal.diagnose.search.ranking import is_usual, search
 from gimbalcal.diagnose.search.refit import fit_baseline, start_with_baseline
 from gimbalcal.diagnose.search.stepwise import result_of
+from gimbalcal.diagnose.view_result import shapes_with_laws
 from gimbalcal.effects import CATALOGUE, Stage
 from gimbalcal.pipeline import load
 from gimbalcal.platform import BENCH
@@ -45,6 +48,7 @@ from tests.diagnose import plant, static_plant
 from tests.golden import golden_text
 from tests.paths import ROOT
 
+LAW = LawResult("angular_rate", "z", ("time",), "", "", "deg/h", "", (), {}, {}, 0.0, 0.0, 0.0, (), "", "", ())
 SCHEMA = ROOT / "docs" / "schemas" / "diagnosis.schema.json"
 
 pytestmark = pytest.mark.usefixtures("own_catalogue")
@@ -509,3 +513,18 @@ def test_a_law_of_rates_at_rest_is_in_the_model_of_the_turns():
     d = diagnose([simulated(766, law, size_of(766, law, 60.0))])
     assert "turns" in d.fit["views"]
     assert [(w.effect, set(w.variables)) for w in d.laws] == [("law_angular_rate_y", {"force_x", "force_z"})]
+
+
+def test_stretches_of_rows_end_where_a_group_ends():
+    block = equal_stretches(10, 3, np.array([0, 0, 1, 1, 1, 1, 1, 1, 1, 2]))
+    assert block.tolist() == [0, 0, 1, 1, 2, 2, 2, 3, 3, 4]
+    assert equal_stretches(10, 3).tolist() == [0, 0, 0, 0, 1, 1, 1, 2, 2, 2]
+
+
+def test_a_shape_that_names_what_a_formula_follows_is_kept():
+    law = replace(LAW, axis="z", variables=("time",))
+    smooth, other = Shape("angular_rate z", "a smooth function of time"), Shape("angular_rate x", "a pattern in time")
+    assert shapes_with_laws((smooth, other), [law]) == (smooth, other)
+    of_rate = replace(law, variables=("rate_z",))
+    assert shapes_with_laws((smooth, other), [of_rate]) == (Shape("angular_rate z", "a function of rate z"), other)
+    assert shapes_with_laws((), [of_rate]) == (Shape("angular_rate z", "a function of rate z"),)
