@@ -21,6 +21,7 @@ from gimbalcal.number import Array
 MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next value of its grid 6
 MAX_QUADRATIC_STEPS = 10  # after which a step that lowers chi^2 by no more than rounding is the last
 MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
+AT_END = 1e-9  # of its range, from an end of which a constant does not leave
 ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
 
 Linearise = Callable[[Array], Information]
@@ -87,11 +88,30 @@ def solve_about(info: Information, x: Array, bounds: Array | None, seen: float) 
     U = U[:, seen <= S]
     free = np.column_stack([R[:, constant], info.rows[:, -1] - R[:, constant] @ at])
     free -= U @ (U.T @ free)
-    V, size, Wt = np.linalg.svd(free[:, :-1], full_matrices=False)
-    step = Wt.T @ (np.where(size >= seen, 1 / np.maximum(size, seen), 0.0) * (V.T @ free[:, -1]))
-    c = np.clip(x[constant] + scale[constant] * step, *bounds[:, constant])
-    target = _conditional_solution(info, c, constant, seen)
+    room = (bounds[:, constant] - x[constant]) / scale[constant]
+    c = x[constant] + scale[constant] * _step_within(room, free[:, :-1], free[:, -1], seen)
+    target = _conditional_solution(info, np.clip(c, *bounds[:, constant]), constant, seen)
     return replace(solution, x=target, chi2=chi2(info, target))
+
+
+def _step_within(room: Array, A: Array, z: Array, seen: float) -> Array:
+    """Return the step (q,) that solves A step = z, shortened to the room (2, q) below and above.
+
+    What is at its end and would leave stays, and the others are solved without it. The direction is kept, as clipping
+    each by itself need not lower chi^2.
+    """
+    moves = np.ones(A.shape[1], dtype=bool)
+    while True:
+        V, size, Wt = np.linalg.svd(A[:, moves], full_matrices=False)
+        step = np.zeros(len(moves))
+        step[moves] = Wt.T @ (np.where(size >= seen, 1 / np.maximum(size, seen), 0.0) * (V.T @ z))
+        end = np.where(step < 0, *room)
+        leaves = moves & (step != 0) & (np.abs(end) <= AT_END * np.ptp(room, axis=0))
+        if not leaves.any():
+            break
+        moves &= ~leaves
+    share = np.divide(end, step, out=np.ones_like(step), where=step != 0)
+    return step * min(1.0, float(share.min(initial=1.0)))
 
 
 def _conditional_solution(info: Information, c: Array, constant: NDArray[np.bool_], seen: float) -> Array:

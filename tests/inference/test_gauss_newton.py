@@ -1,6 +1,9 @@
 """Damped Gauss-Newton steps where rows leave a direction to its prior."""
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from gimbalcal.effects import Parameter
 from gimbalcal.inference.gauss_newton import gauss_newton
@@ -37,3 +40,24 @@ def test_what_rows_do_not_determine_returns_to_its_prior_at_once() -> None:
     assert len(seen) <= 5
     np.testing.assert_allclose(m.solution.x[2], 0.0, atol=0.1)
     np.testing.assert_allclose(m.solution.x[0], 0.4, atol=1e-6)
+
+
+def test_constants_within_bounds_never_raise_chi2() -> None:
+    """Two constants that rows hardly distinguish reach the least squares within their bounds.
+
+    Their step is far longer than the room they have. Each by itself at its nearer end, they would raise chi^2.
+    """
+    t = np.linspace(0, 1, 60)
+    J = np.stack([40 * np.exp(-t), 40 * np.exp(-1.02 * t), t], axis=1)
+    y = J @ np.array([3.0, -2.9, 0.2]) + 0.1 * np.cos(9 * t)
+    bounds = np.array([[-1.0, -1.0, -np.inf], [1.0, 0.5, np.inf]])
+
+    def arrived(_: int, x: Array, solution: Solution) -> bool:
+        return bool(np.all(np.abs(solution.x - x) <= 1e-9))
+
+    wide = tuple(replace(p, sigma=1e6) for p in WANTED)
+    start = np.array([0.3, -0.1, 0.0])
+    m = gauss_newton(lambda _: information(J, y, wide), start, bounds, 1e-9, True, arrived, lambda _: False)
+    expected = lsq_linear(J, y, bounds=(bounds[0], bounds[1]), tol=1e-14).x
+    assert m.steps
+    np.testing.assert_allclose(m.solution.x, expected, atol=1e-6)
