@@ -23,7 +23,7 @@ from gimbalcal.calibration import (
     Residual,
 )
 from gimbalcal.checks.driven_rates import refuse_unlike_table
-from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, parameters_of_effects
+from gimbalcal.effects import CATALOGUE, Effect, Parameter, parameters, parameters_of_effects, with_values
 from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.gyroscope import rate_matrix
 from gimbalcal.errors import InputError, number_of
@@ -52,6 +52,7 @@ from gimbalcal.views.rate_table import (
 from gimbalcal.views.rest_rates import MIN_RATE_SIGMA
 
 BASE = (*GYROSCOPE_BIAS, *GYROSCOPE_INPUT_TERMS)
+MIN_SHARE_INSIDE = 0.01  # of the variance of what an effect adds, within stretches
 FURTHER_TERMS = ("gyro_scale_asymmetry", "gyro_scale_nonlinearity")
 
 
@@ -65,11 +66,14 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording], more: Sequence[ExtraE
     """Calibrate gyroscopes against the angles of the table that turned them, from one recording or several mountings.
 
     Bias, scale factors and misalignments, and asymmetry and nonlinearity of the scale where the stretches support
-    them; what `more` adds is fitted in any case. What no recording turned about is not estimated and named. Raises
-    InputError without rates or angles of a rig, where nothing turns steadily, and where counts are of an axis that was
-    never turned.
+    them; what `more` adds is fitted in any case, to parts of the stretches where it changes within one. What no
+    recording turned about is not estimated and named. Raises InputError without rates or angles of a rig, where nothing
+    turns steadily, and where counts are of an axis that was never turned.
     """
     table = on_a_table(recordings)
+    if more:
+        parts = on_a_table(recordings, divided=True)
+        table = parts if _change_within_stretches(parts.view, more) else table
     linear = table.linear
     sizes = [p for e in more for p in e.parameters(()) if (p.effect, p.axis) not in table.view.gauge]
     if lost := next((e.effect for e in more if e.effect not in {p.effect for p in sizes}), ""):
@@ -81,6 +85,23 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording], more: Sequence[ExtraE
     calibration = extra.complete(_calibration(best, table.unseen, declined, table.stretches))
     files = tuple(file for r in recordings for file in r.source)
     return replace(calibration, provenance=replace(calibration.provenance, recordings=files), readout=table.readout)
+
+
+def _change_within_stretches(parts: View, more: Sequence[ExtraEffect]) -> bool:
+    """Return whether what some of these effects add changes within a stretch, as it does with the angle of the table.
+
+    The means of whole stretches have the scatter from one to the next in them, which is known better there.
+    """
+    mean = np.equal.outer(np.unique(parts.groups), parts.groups).astype(float)
+    mean /= mean.sum(axis=1, keepdims=True)
+    for e in more:
+        for p in e.parameters(()):
+            (effect,) = with_values([e.absent()], (p,), np.array([p.sigma]))
+            added = np.asarray(effect.contribution(parts.stimulus), dtype=float)
+            inside = added - (mean @ added)[parts.groups]
+            if float((inside**2).sum()) > MIN_SHARE_INSIDE * float(((added - added.mean(axis=0)) ** 2).sum()):
+                return True
+    return False
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +223,9 @@ def _fit_with_supported_terms(
             return f"{term} is left out: it takes more rates, both ways round"
         fit = _fit(view, more, linear.effects)
         clear_of = needed_significance(len(parameters_of_effects(FURTHER_TERMS)), fit.dof_of_scatter)
-        return refusal_sentence(term, f"{len(view)} stretches", without, fit, "rad/s", clear_of) or fit
+        return (
+            refusal_sentence(term, f"{len(np.unique(view.groups))} stretches", without, fit, "rad/s", clear_of) or fit
+        )
 
     fits, declined = select_terms(BASE, linear, [t for t in FURTHER_TERMS if t not in requested], attempt)
     return fits[-1][1], declined

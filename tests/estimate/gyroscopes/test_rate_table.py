@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimbalcal import calibrate
+from gimbalcal.effects.loading import temporarily_loaded
 from gimbalcal.estimate.gyroscopes.rate_table import MOUNTING_SIGMA_RAD, gyroscopes_on_a_table
 from gimbalcal.methods import usual_method
 from gimbalcal.pipeline import load
@@ -52,6 +54,48 @@ def run(along, seed = 1, *, noise = 0.02 * DEG, tilt = None, asymmetry = 0.0,
         read = {"table": sense * angle, "base": 0 * angle}
         channels |= {("gimbal_angle", a.name): read[a.name] for a in CHAINS[along]}
     return Recording("rotation", f"{along} up", platform, Site(LATITUDE, 0.0, 9.81), {}, t, None, channels)
+
+
+OWN = '''"""Effects of a user: an error of the poles of a motor, and a current that is switched."""
+
+import numpy as np
+
+from gimbalcal.effects.effect import Effect, Stage, Stimulus, effect, parameter
+from gimbalcal.number import Array
+
+
+@effect
+class OwnPoles(Effect):
+    r"""Torque of the poles of a motor. .. math:: a sin 8 theta. Source: own. Magnitude: 50 deg/h. Seen by: angle."""
+
+    id = "own_poles"
+    says = "{who} follows the poles of the motor, by {size}"
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    kinds = ("rotation",)
+    a: Array = parameter(("x", "y", "z"), unit="deg/h", sigma=100.0, name="own_poles")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Eight cycles in a turn."""
+        angle = s.angle[:, -1] if s.angle.shape[1] else 0 * s.time
+        return self.a * np.sin(8 * angle)[..., None]
+
+
+@effect
+class OwnSwitch(Effect):
+    r"""A current that is switched. .. math:: a sign(t). Source: own. Magnitude: 50 deg/h. Seen by: time."""
+
+    id = "own_switch"
+    says = "{who} follows the switch, by {size}"
+    stage = Stage.GYROSCOPE
+    channel = "angular_rate"
+    kinds = ("rotation",)
+    a: Array = parameter(("x", "y", "z"), unit="deg/h", sigma=100.0, name="own_switch")
+
+    def contribution(self, s: Stimulus) -> Array:
+        """Seven seconds of a cycle."""
+        return self.a * np.where(np.mod(s.time / 7.0, 1.0) < 0.5, 1.0, -1.0)[..., None]
+'''
 
 
 def truth():
@@ -127,6 +171,24 @@ def test_an_asymmetry_is_taken_up_and_none_is_where_none_is():
     for k in range(10):
         clean = gyroscopes_on_a_table([run(a, seed=10 * k + j) for j, a in enumerate("xyz")])
         assert {p.effect for p in clean.parameters} == {"gyro_bias", "gyro_scale_factor", "gyro_misalignment"}
+
+
+def test_what_changes_within_a_stretch_is_fitted_within_it():
+    """An error of eight cycles in a turn is nothing in the mean of a stretch, a square wave is another size there."""
+    r = run("z")
+    angle = r.channels["gimbal_angle", "table"]
+    wave = 40 * HOUR * np.where(np.mod(r.time / 7.0, 1.0) < 0.5, 1.0, -1.0)
+    r = r.with_channels({
+        ("angular_rate", "z"): r.channels["angular_rate", "z"] + 50 * HOUR * np.sin(8 * angle),
+        ("angular_rate", "y"): r.channels["angular_rate", "y"] + wave,
+    })  # fmt: skip
+    with temporarily_loaded("own.py", OWN):
+        made = calibrate([r], more=["own_poles:z", "own_switch:y"])
+    found = {e.parameter.name: e for e in made.estimates}
+    for name, truth in (("own_poles", 50.0), ("own_switch", 40.0)):
+        assert abs(found[name].value - truth) < 4 * found[name].sigma
+        assert found[name].sigma < 0.1 * truth
+    assert "16 stretches" in made.provenance.options.in_words
 
 
 def test_counts_get_their_size_from_the_table():
