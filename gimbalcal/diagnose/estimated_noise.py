@@ -51,6 +51,7 @@ from gimbalcal.diagnose.verdict.threshold import detection_limits
 from gimbalcal.diagnose.verdict.verify import row_sigma, view_fit
 from gimbalcal.diagnose.view_result import ViewDiagnosis, shapes_with_laws
 from gimbalcal.effects.effect import constants
+from gimbalcal.estimate.extra_effects import as_option
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
 from gimbalcal.units import from_si
@@ -146,7 +147,7 @@ def _view_diagnosis(
     fit, lawful, odds = view_fit(c, sigma), Lawful(), np.inf
     if not c.start.exact and (shapes or not findings or refused):
         progress(law_sentences.SEARCHING)
-        lawful, with_law = laws_of_view(c.missing, sigma, [f"{f.effect}:{f.axis}".rstrip(":") for f in findings])
+        lawful, with_law = laws_of_view(c.missing, sigma, [as_option(f.effect, f.axis) for f in findings])
         c_law = replace(c, with_shapes=with_law)
         fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
         if lawful.known and not findings and not refused and walk is None:

@@ -58,6 +58,11 @@ class ExtraEffect:
         return tuple(f for f in constants(CATALOGUE[self.effect]) if f.name not in dict(self.stated))
 
 
+def as_option(effect: str, axis: str) -> str:
+    """Return an effect of an axis as --with takes it; one that acts on several axes together is asked for on all."""
+    return f"{effect}:{axis}" if axis and "," not in axis else effect
+
+
 def extra_effects(
     words: Sequence[str], recordings: Sequence[Recording], held: Sequence[str] = ()
 ) -> tuple[ExtraEffect, ...]:

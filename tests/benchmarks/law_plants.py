@@ -252,7 +252,7 @@ def misfit(r: Recording) -> tuple[float, float]:
 
 def excess(r: Recording, clean: Recording, with_: tuple[str, ...] = ()) -> float:
     """Sigmas by which a recording is worse than the same noise without a law."""
-    if clean.title == "hand":
+    if clean.title == "hand" and not with_:
         return _of_norms(r, clean)
     if clean.title == "z up" and not with_:
         return _of_rates(r, clean)

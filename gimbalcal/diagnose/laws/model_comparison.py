@@ -23,6 +23,7 @@ from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, log_evidence, reduced_rows
 from gimbalcal.diagnose.search.refit import with_columns
+from gimbalcal.estimate.extra_effects import as_option
 
 COMPARED_CAUSES = 3  # known causes together with which a law is sought
 NAME_ODDS = float(np.log(1000.0))  # odds at which a term with a known cause gives way to a formula without
@@ -46,8 +47,7 @@ class LawsGivenCause:
         """The known cause as --with takes it."""
         if self.known is None:
             return ()
-        one = self.known.axis and "," not in self.known.axis
-        return (f"{self.known.effect}:{self.known.axis}" if one else self.known.effect,)
+        return (as_option(self.known.effect, self.known.axis),)
 
     @property
     def total(self) -> float:
