@@ -7,7 +7,7 @@ from dataclasses import replace
 from hashlib import sha256
 
 from gimbalcal.diagnose.answer import Diagnosis
-from gimbalcal.diagnose.laws.law_file import source_text
+from gimbalcal.diagnose.laws.law_file import as_calibrated, source_text
 from gimbalcal.diagnose.of_recording import DiagnosisRequest
 from gimbalcal.effects.loading import EffectFile, temporarily_loaded
 from gimbalcal.errors import InputError
@@ -45,7 +45,8 @@ def with_laws(d: Diagnosis, request: DiagnosisRequest, grade: str | Fleet) -> Di
     file = EffectFile(FILE, sha256(text.encode()).hexdigest(), ids)
     provenance = replace(calibration.provenance, effects=(file,))
     outcome = joined_sentences([law_sentences.CAUSE_UNKNOWN, calibration.outcome])
-    return replace(d, calibration=replace(calibration, outcome=outcome, provenance=provenance))
+    laws = tuple(as_calibrated(law, calibration) for law in d.laws)
+    return replace(d, laws=laws, calibration=replace(calibration, outcome=outcome, provenance=provenance))
 
 
 def _model(request: DiagnosisRequest, recordings: Sequence[Recording]) -> tuple[Sequence[str], list[str]]:

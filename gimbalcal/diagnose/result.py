@@ -158,7 +158,7 @@ class LawResult(Entry):
     """A law outside the catalogue (interfaces.md section 6), and the class that states it in law.py.
 
     The expression of a table is "table"; diagnosis.json states its knots, values and sigmas as its parameters, which
-    are here the slopes between the knots.
+    are here the slopes between the knots. steps (k, m): its values for a unit of each, in units of print.
     """
 
     channel: str
@@ -181,10 +181,12 @@ class LawResult(Entry):
     source: str = ""
     curve: LawCurve | None = None
     table: LawTable | None = None
+    steps: Array | None = None
 
     def to_dict(self) -> Json:
         """Return the entry; its class goes to law.py, its curve into the picture."""
-        entry = {key: value for key, value in super().to_dict().items() if key not in ("source", "curve", "table")}
+        inner = ("source", "curve", "table", "steps")
+        entry = {key: value for key, value in super().to_dict().items() if key not in inner}
         return entry if self.table is None else entry | {"parameters": self.table.to_dict()}
 
 

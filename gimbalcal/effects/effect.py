@@ -69,6 +69,8 @@ class Grid(Enum):
     EPOCH = "an instant: the beginning of each visit, or even steps where nothing moves; it comes once"
     POSITION = "the name of a position: each of them; it comes once"
     SPAN = "the duration of the recording itself"
+    FOUND = "a value that a diagnosis found: that one"
+    JUMP = "where an output jumps: even steps, as it has no derivative"
 
     @property
     def counts(self) -> bool:
@@ -78,7 +80,7 @@ class Grid(Enum):
     @property
     def smooth(self) -> bool:
         """Return whether outputs follow it smoothly, so that a fit can."""
-        return not (self.counts or self.once or self is Grid.SPAN)
+        return not (self.counts or self.once or self in (Grid.SPAN, Grid.JUMP))
 
     @property
     def once(self) -> bool:

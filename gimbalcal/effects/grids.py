@@ -60,6 +60,8 @@ def grid(f: Constant, s: Stimulus) -> Array:
         return np.unique(s.position).astype(float)
     if of is Grid.SPAN:
         return np.array([last])
+    if of is Grid.FOUND:
+        return np.array([min(max(_default(f), low), high)])
     if of is Grid.EPOCH:
         first = np.flatnonzero(np.diff(s.visit)) + 1
         first = first[(first > 1) & (first < len(s.time) - 1)]  # before or after one row it is an error of it
@@ -69,7 +71,7 @@ def grid(f: Constant, s: Stimulus) -> Array:
     if of is Grid.DECAY:
         return np.concatenate([[low], np.geomspace(1 / last, high, 5)])
     if of is Grid.PERIOD:
-        return periods(f.default if isinstance(f.default, float) else 0.0, low, high, last)
+        return periods(_default(f), low, high, last)
     if of is Grid.WHOLE:
         every = np.arange(low, high + 0.5)
         return (
@@ -78,11 +80,15 @@ def grid(f: Constant, s: Stimulus) -> Array:
     return values_between(f, low, high, STARTING_VALUES)
 
 
+def _default(f: Constant) -> float:
+    return f.default if isinstance(f.default, float) else 0.0
+
+
 def values_between(f: Constant, low: float, high: float, count: int) -> Array:
     """Return `count` values from `low` to `high`: even steps, logarithmic for a time constant or a positive value."""
     if low == high:
         return np.array([low])
-    logarithm = kind(f) in (Grid.VALUE, Grid.LAG) and float(f.metadata["low"]) > 0 and low > 0
+    logarithm = kind(f) in (Grid.VALUE, Grid.LAG, Grid.JUMP) and float(f.metadata["low"]) > 0 and low > 0
     return np.geomspace(low, high, count) if logarithm else np.linspace(low, high, count)
 
 

@@ -23,7 +23,7 @@ from gimbalcal.views.core import Fit
 
 STRETCHES = 300  # in which a run, or a table, is looked at first
 SIX_SENSOR_STRETCHES = 150  # the same of six sensors at once
-CHANNEL = {Stage.ACCELEROMETER: "specific_force", Stage.GYROSCOPE: "angular_rate", Stage.ENCODER: "gimbal_angle"}
+CHANNEL = {Stage.SCALE: "specific_force", Stage.RATE_SCALE: "angular_rate", Stage.ENCODER: "gimbal_angle"}
 
 
 def equal_stretches(n: int, most: int = STRETCHES, group: Array | None = None) -> Array:

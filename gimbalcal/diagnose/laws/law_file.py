@@ -10,23 +10,24 @@ from pathlib import Path
 
 import numpy as np
 
+from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import PRINTED
 from gimbalcal.diagnose.laws.expressions import Expression, Term, unit_as_factor
-from gimbalcal.diagnose.laws.law_search import Law
+from gimbalcal.diagnose.laws.law_search import JUMPS, Law
 from gimbalcal.diagnose.result import Estimate, LawResult, LawTable
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
-from gimbalcal.units import from_si
+from gimbalcal.units import from_si, to_si
 from gimbalcal.views.core import View
 
 MAX_ALTERNATIVES = 6  # in print
-STAGES = {"specific_force": "ACCELEROMETER", "angular_rate": "GYROSCOPE", "gimbal_angle": "ENCODER"}
+STAGES = {"specific_force": "SCALE", "angular_rate": "RATE_SCALE", "gimbal_angle": "ENCODER"}
 SIGMAS, FARTHEST = 3.0, 5.0  # of a constant that a fit may look through, and times its size at the most
 HEAD = '''"""Laws that no catalogue holds, as `gimbalcal diagnose` found them: any command takes --effects law.py."""
 
 import numpy as np
 
-from gimbalcal.effects.effect import Domain, Effect, Stage, Stimulus, constant, effect, parameter
+from gimbalcal.effects.effect import Domain, Effect, Grid, Stage, Stimulus, constant, effect, parameter
 from gimbalcal.effects.history import smoothed_rate
 from gimbalcal.number import Array, absolute, arctan2, cos, exp, log, sign, sin
 
@@ -77,11 +78,17 @@ class {name}(Effect):
 {domain}
     )
 {fields}
-
-    def contribution(self, s: Stimulus) -> Array:
+{methods}'''
+ADDED = '''
+    def {name}(self, s: Stimulus) -> Array:
         """{form}."""
         law = {code}
         return law{to}
+'''
+SINCE_REST = '''
+    def contribution(self, s: Stimulus) -> Array:
+        """What the law adds beyond what it adds at rest, which is part of the bias."""
+        return self.law(s) - self.law(s.at(rate=0 * s.rate))
 '''
 
 
@@ -211,46 +218,82 @@ def found_law(
     units = {v.name: v.unit or "as logged" for v in e.variables}
     domain = {v.name: (float(v.printed(v.x.min())), float(v.printed(v.x.max()))) for v in e.variables}
     latex = _latex(description.text, [*units, *(r.name for r in each[0])])
-    text = _class(law, description, each, domain, effect, latex, title)
-    tables = [_table(law, x[i : i + m], covariance[i : i + m, i : i + m]) for i in range(0, len(x), m)]
-    if tables[0]:
+    turning = view is not None and bool(view.measurement.law_suffix)
+    text = _class(law, description, each, domain, effect, latex, title, turning)
+    table = steps = None
+    if _is_table(e):
+        (t,), unit = e.terms, PRINTED.get(law.channel, "arcsec")
+        knots = np.array(t.constants)
+        table = LawTable(tuple(np.asarray(t.variable.printed(knots)).tolist()), (), (), unit)
+        steps = from_si(to_si(e.of([replace(t.variable, x=knots)]).columns, each[0][0].unit), unit)
         latex = f"f({_upright(e.terms[0].variable.name)})"
+    C = [covariance[i : i + m, i : i + m] for i in range(0, len(x), m)]
     return tuple(
-        LawResult(
-            channel=place.channel,
-            axis=place.axis,
-            variables=tuple(units),
-            expression=_with_numbers(description.text, {r.name: r.value for r in rows}) if table is None else "table",
-            form=description.text if table is None else printed_form(law),
-            unit=PRINTED.get(place.channel, "arcsec"),
-            latex=latex,
-            parameters=rows,
-            domain=domain,
-            units=units,
-            evidence=round(law.evidence, 2),
-            heldout_before=heldout[0],
-            heldout_after=heldout[1],
-            alternatives=tuple(dict.fromkeys(_other_law_in_print(o, law) for o in others))[:MAX_ALTERNATIVES],
-            effect=effect,
-            with_=argument,
-            known_effects=tuple(known_effects),
-            source=text,
-            table=table,
+        _with_values(
+            LawResult(
+                channel=place.channel,
+                axis=place.axis,
+                variables=tuple(units),
+                expression="table",
+                form=description.text if table is None else printed_form(law),
+                unit=PRINTED.get(place.channel, "arcsec"),
+                latex=latex,
+                parameters=(),
+                domain=domain,
+                units=units,
+                evidence=round(law.evidence, 2),
+                heldout_before=heldout[0],
+                heldout_after=heldout[1],
+                alternatives=tuple(dict.fromkeys(_other_law_in_print(o, law) for o in others))[:MAX_ALTERNATIVES],
+                effect=effect,
+                with_=argument,
+                known_effects=tuple(known_effects),
+                source=text,
+                table=table,
+                steps=steps,
+            ),
+            rows,
+            own,
         )
-        for place, rows, table in zip(law.places, each, tables, strict=True)
+        for place, rows, own in zip(law.places, each, C, strict=True)
     )
 
 
-def _table(law: Law, x: Array, covariance: Array) -> LawTable | None:
-    """Return the values of a table at its knots, of coefficients x (m,) and their covariance (m, m) [SI]; else None."""
-    (t, *_), unit = law.expression.terms, PRINTED.get(law.channel, "arcsec")
-    if not _is_table(law.expression):
-        return None
-    B = law.expression.of([replace(t.variable, x=np.array(t.constants))]).columns
-    sigma = np.sqrt(np.maximum(np.einsum("km,mn,kn->k", B, covariance, B), 0.0))
-    knots, values, sigma = t.variable.printed(np.array(t.constants)), from_si(B @ x, unit), from_si(sigma, unit)
-    at, added, spread = (tuple(np.asarray(column).tolist()) for column in (knots, values, sigma))
-    return LawTable(at, added, spread, unit)
+def as_calibrated(law: LawResult, calibration: Calibration) -> LawResult:
+    """Return a law with the coefficients and constants that a calibration estimated together with all else.
+
+    What the calibration does not estimate, as the constants that a filter has to be given, stays as it is; so does one
+    sigma of where a law jumps.
+    """
+    at = {
+        p.name: k for k, p in enumerate(calibration.parameters) if p.effect == law.effect and p.axis in ("", law.axis)
+    }
+    coefficients = [f"{law.effect}_{r.name}" for r in law.parameters]
+    places = [
+        at.get(name, at.get(f"{law.effect}.{r.name}")) for name, r in zip(coefficients, law.parameters, strict=True)
+    ]
+    each = calibration.estimates
+    rows = tuple(
+        r if k is None else replace(r, value=each[k].value, sigma=each[k].sigma or r.sigma)
+        for k, r in zip(places, law.parameters, strict=True)
+    )
+    own = [at[name] for name in coefficients if name in at]
+    return _with_values(law, rows, calibration.covariance[np.ix_(own, own)])
+
+
+def _with_values(law: LawResult, rows: tuple[Estimate, ...], covariance: Array) -> LawResult:
+    """Return a law with these coefficients and constants, the coefficients first; covariance (m, m) [SI] of them.
+
+    Of a table the coefficients are the slopes between its knots, and it is zero at the first.
+    """
+    if law.table is None or law.steps is None:
+        expression = _with_numbers(law.form, {r.name: r.value for r in rows})
+        return replace(law, parameters=rows, expression=expression)
+    C = from_si(from_si(covariance, rows[0].unit), rows[0].unit)
+    values = law.steps @ np.array([r.value for r in rows])
+    sigma = np.sqrt(np.maximum(np.einsum("km,mn,kn->k", law.steps, C, law.steps), 0.0))
+    table = replace(law.table, values=tuple(values.tolist()), sigma=tuple(sigma.tolist()))
+    return replace(law, parameters=rows, table=table)
 
 
 def _parameters(law: Law, description: LawText, x: Array, sigma: Array) -> tuple[Estimate, ...]:
@@ -290,9 +333,11 @@ def _identity(law: Law, taken: Sequence[str], suffix: str) -> str:
 
 def _class(
     law: Law, description: LawText, each: Sequence[tuple[Estimate, ...]], domain: Mapping[str, tuple[float, float]],
-    effect: str, latex: str, title: str,
+    effect: str, latex: str, title: str, turning: bool,
 ) -> str:  # fmt: skip
-    """Return the law as a class of law.py, with a size for each of its axes."""
+    """Return the law as a class of law.py, with a size for each of its axes; turning: the rests before and after a turn
+    have taken off what it adds there.
+    """
     axes, s, of_gimbals = tuple(p.axis for p in law.places), law.places[0].stimulus, law.channel == "gimbal_angle"
     fields = []
     for k, (name, _) in enumerate(description.coefficients):
@@ -305,9 +350,11 @@ def _class(
         c, spread, unit = t.constants[j], SIGMAS * spreads[k, j], t.unit_of(j) or "1"
         low, high = c - spread, c + spread
         if t.form.constants[j].kind in ("size", "power"):
-            near, far = sorted((c / FARTHEST, c * FARTHEST))
-            low, high = max(low, near), min(high, far)
-        fields.append(f'    {letter}: float = constant({c:.9g}, unit="{unit}", low={low:.9g}, high={high:.9g})')
+            farthest = min(1 + spread / abs(c), FARTHEST)
+            low, high = sorted((c / farthest, c * farthest))
+        grid = "JUMP" if t.form.key in JUMPS else "FOUND"
+        fields.append(f'    {letter}: float = constant({c:.9g}, unit="{unit}", low={low:.9g}, high={high:.9g}, '
+                      f'grid=Grid.{grid})')  # fmt: skip
     ends = {name: f"{low:.9g}, {high:.9g}" for name, (low, high) in domain.items()}
     limits = [
         f"        Domain({v.name!r}, {v.unit!r}, {ends[v.name]}, lambda s: {v.code})," for v in law.expression.variables
@@ -315,13 +362,15 @@ def _class(
     to = f" @ np.array({[[float(a == axis) for a in 'xyz'] for axis in axes]})" if axes != tuple("xyz") else ""
     if of_gimbals:
         to = f" @ np.array([[float(name == axis) for name in s.axis_names] for axis in {axes!r}])"
+    name = "law" if turning else "contribution"
+    added = ADDED.format(name=name, form=description.text, code=description.code, to=to)
     return CLASS.format(
         name="".join(w.capitalize() for w in effect.split("_")), title=" ".join(re.findall(r"[\w.,:;+-]+", title)),
         latex=latex, id=effect, variables=", ".join(v.name for v in law.expression.variables),
         stage=STAGES[law.channel], channel=law.channel,
         kinds=("pointing",) if s.true_angle is not None else ("multi-position", "static-run", "rotation"),
         needs=tuple(dict.fromkeys(v.needs for v in law.expression.variables if v.needs)), fields="\n".join(fields),
-        domain="\n".join(limits), form=description.text, code=description.code, to=to,
+        domain="\n".join(limits), methods=SINCE_REST + added if turning else added,
     )  # fmt: skip
 
 

@@ -127,6 +127,62 @@ def test_the_calibration_of_a_diagnosis_contains_the_law(tmp_path, command, caps
     assert misfit(corrected)[0] < misfit(clean)[0] + 16 < misfit(second)[0] / 2
 
 
+def laws_as_calibrated(name, sigmas):
+    """The diagnosis of a law of the benchmark, each number of its law with that of the calibration in its files."""
+    law, seed = LAWS[name], 289
+    d = diagnose([simulated(seed, law, size_of(seed, law, sigmas))])
+    (found,) = d.laws
+    estimated = {e.parameter.name: e for e in d.calibration.estimates}
+    each = {p.name: estimated.get(f"{found.effect}_{p.name}") or estimated[f"{found.effect}.{p.name}"]
+            for p in found.parameters}  # fmt: skip
+    return d, found, each
+
+
+def test_a_law_and_its_calibration_have_one_set_of_numbers():
+    """Sizes and constants are one fit with one covariance: a size is as uncertain as the knee lets it be."""
+    _, law, calibrated = laws_as_calibrated("knee in f", 60.0)
+    size, knee = law.parameters
+    for p in law.parameters:
+        assert_allclose((p.value, p.sigma), (calibrated[p.name].value, calibrated[p.name].sigma), rtol=1e-12)
+    assert f"{size.value:.6g}" in law.expression
+    assert f"{knee.value:.6g}" in law.expression
+    assert size.sigma > 2 * abs(size.value) / 60  # the knee is free
+    assert abs(knee.value - 0.35) < 3 * knee.sigma
+
+
+def test_a_law_of_turns_adds_nothing_at_rest():
+    """What it would add there is part of the bias, which the rests determine."""
+    law, seed = LAWS["amplifier saturates"], 289
+    r = simulated(seed, law, size_of(seed, law, 60.0))
+    d, found, _ = laws_as_calibrated("amplifier saturates", 60.0)
+    bias = {e.parameter.label: e for e in calibrate([r]).estimates if e.parameter.effect == "gyro_bias"}
+    own = {e.parameter.label: e for e in d.calibration.estimates if e.parameter.effect == "gyro_bias"}
+    for label, e in bias.items():
+        assert_allclose((own[label].value, own[label].sigma), (e.value, e.sigma), rtol=1e-6)
+    (width,) = (p for p in found.parameters if p.name == "w")
+    assert abs(width.value - np.degrees(0.6)) < 3 * width.sigma
+
+
+def test_where_a_law_jumps_has_the_sigma_of_the_diagnosis():
+    """No fit follows a jump: its instants are held in the calibration, where each has sigma zero."""
+    _, law, calibrated = laws_as_calibrated("square wave in t", 60.0)
+    for p in law.parameters[1:]:
+        assert calibrated[p.name].sigma == 0.0
+        assert p.value == calibrated[p.name].value
+        assert p.sigma > 0.0
+
+
+def test_a_law_scales_with_what_is_felt():
+    """A large scale factor at the reference of the temperature, of which the law is a part, changes no coefficient."""
+    law, seed = LAWS["spring softens by T squared"], 58
+    size = size_of(seed, law, 60.0)
+    (found,) = diagnose([simulated(seed, law, size)]).laws
+    assert found.form == "a*force_x*(temperature - 20) + b*force_x*(temperature - 20)**2"
+    _, square = found.parameters
+    assert abs(square.value - 1e6 * size) < 2 * square.sigma
+    assert square.sigma < 0.03 * square.value
+
+
 def test_the_curve_of_a_law_goes_through_what_the_recording_shows():
     d = stepped()[1]
     (law,) = d.laws
