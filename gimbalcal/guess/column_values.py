@@ -38,6 +38,7 @@ MIN_STAMPS = 10  # distinct values, at the least, of a clock without a name
 MIN_STANDING_ROWS = 10  # on average, in which the place of a station is repeated
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbers
+MIN_SHARE_OF_OFFSET = 0.03  # of the offset of a converter, which gravity is; steps of a reading at rest are less
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
 _MATRIX = re.compile(r"(^|_)[a-z]?_?[0-3]_?[0-3](_|$)")  # elements of a matrix, M11, r_0_1
 _PLACE = re.compile(r"position|translation|displacement")  # in metres, whatever moves
@@ -242,10 +243,19 @@ def in_another_unit(triad: Sequence[Array], named: str) -> bool:
 
 
 def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
-    """Return the unit of accelerometers x, y, z (n,) by the length of gravity, and why."""
-    every = max(1, len(triad[0]) // MAX_SAMPLED_ROWS)
-    lengths = _length([x[::every] for x in triad])
+    """Return the unit of accelerometers x, y, z (n,) by the length of gravity, and why.
+
+    Where they point all ways about a centre farther from zero than any bias is, the length says nothing.
+    """
+    triad = [x[:: max(1, len(x) // MAX_SAMPLED_ROWS)] for x in triad]
+    lengths = _length(triad)
     length = float(np.median(lengths))
+    if len(triad) == 3 and len(lengths):
+        centre, size, spread = _sphere(triad)
+        all_ways = min(float(np.ptp(x)) / 2 for x in triad) > 0.6 * size > MIN_SHARE_OF_OFFSET * length
+        if all_ways and spread < MAX_GRAVITY_ERROR / 6 and float(np.linalg.norm(centre)) > size:
+            at = ", ".join(f"{c:.4g}" for c in centre)
+            return "count", f"gravity is {size:.4g} about {at}: counts with an offset, which the calibration finds"
     for unit, size in GRAVITY.items():
         if abs(length / size - 1) < MAX_GRAVITY_ERROR:
             return unit, f"at rest the three together are {length:.4g}, and gravity is {size:.4g} {unit}"

@@ -24,6 +24,7 @@ BLOCK_S = 1.0  # s; a table is tilted over seconds, what is faster shakes buildi
 HELD_OUT_S = 10.0  # s; rows closer than this are held out together, the table moves as slowly
 MIN_BLOCKS = 3  # means that can differ from one another in more than a trend
 MAX_TILT = 0.2  # of gravity, from the mean force to that of any block: beyond it a table is no longer nearly level
+MAX_TURN_RAD = 0.5  # by the rates within `HELD_OUT_S`: twice `MAX_TILT` and what they are off
 PRIOR_FACTOR = 3.0  # times the sizes of one unit: sensors of different makers, bolted together
 STEP_S = 0.04  # s; at which the physics is evaluated
 SIZE_EFFECT = "accelerometer_lever_arm"  # of which a table that tilts about one axis shows what lever_arm is
@@ -67,12 +68,26 @@ def tilting_table(recording: Recording, baseline: Sequence[str] = ()) -> View:
             "at most; hold a unit that is turned further at rest in between, at a stated latitude, or calibrate it "
             "against a logged attitude (--method attitude)"
         )
+    tilt = _tilt_by_rates(fine)
+    if tilt > MAX_TURN_RAD:
+        raise InputError(
+            f"{recording.title!r}: the gyroscopes tilt by {np.degrees(tilt):.3g} deg within {HELD_OUT_S:g} s, where "
+            f"the force changes by {change:.2g} g only; correct the unit of one of them in [columns]"
+        )
     in_group = max(1, round(HELD_OUT_S / blocks.step))
     return View(
         TABLE, channels=FORCES, **recording_fields(blocks), stimulus=s, evaluate=rows, stages=stages,
         baseline=tuple(baseline) or ACCELEROMETER_BIAS, gauge=frozenset({(SIZE_EFFECT, a) for a in MATRIX_AXES}),
         prior_factor=PRIOR_FACTOR, groups=np.arange(len(blocks.time)) // in_group, noise=NoiseModel(),
     )  # fmt: skip
+
+
+def _tilt_by_rates(fine: Recording) -> float:
+    """Return the largest tilt [rad] within `HELD_OUT_S` by the rates, without their mean, across the mean force."""
+    rate, up = fine.triad(RATE), fine.triad(FORCE).mean(axis=0)
+    angle = np.cumsum(np.cross(rate - rate.mean(axis=0), up / np.linalg.norm(up)), axis=0) * fine.step
+    k = min(_rows_in(fine, HELD_OUT_S), len(angle) - 1)
+    return float(np.linalg.norm(angle[k:] - angle[:-k], axis=1).max())
 
 
 def _refuse_unsuitable(recording: Recording) -> None:

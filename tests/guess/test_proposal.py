@@ -134,6 +134,19 @@ def test_forces_read_in_another_range_are_counts_with_a_scale(tmp_path, unit, ra
     assert unit_of_force(list(shaken))[0] != "count"
 
 
+@pytest.mark.parametrize(("scale", "offset"), [(300.0, 2048.0), (104.0, 505.0)])
+def test_counts_of_a_converter_have_an_offset_that_no_bias_is(tmp_path, scale, offset):
+    """Their length is near a thousand, as gravity is in mg, and differs from attitude to attitude."""
+    t, f, w = turned()
+    read = np.round(offset + scale * f / G)
+    columns = {"t": t, **{f"a{a}": read[:, i] for i, a in enumerate("xyz")},
+               **{f"g{a}": np.round(370 + 60 * w[:, i]) for i, a in enumerate("xyz")}}  # fmt: skip
+    found = propose_recording([table(tmp_path / "adc.csv", columns)])
+    assert {found.guesses[f"a{a}"].unit for a in "xyz"} == {"count"}
+    still = np.round(read[:200] - read[:200].mean(axis=0) + [580.0, 570.0, 570.0])
+    assert unit_of_force(list(still.T))[0] == "mg"  # at rest the steps of a converter lie on a small sphere
+
+
 def test_a_long_log_is_tried_by_means_and_proposed_whole(tmp_path, monkeypatch):
     t, f, w = turned()
     path = table(tmp_path / "log.csv", {"t": 1000 * t, "ax": f[:, 0], "ay": f[:, 1], "az": f[:, 2], "gx": w[:, 0],

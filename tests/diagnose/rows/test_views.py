@@ -17,6 +17,7 @@ from gimbalcal.views.norm import inverted, norm
 from gimbalcal.views.pointing import pointing
 from gimbalcal.views.tilting_table import BLOCK_S, means_over_duration, tilting_table
 from tests.diagnose.small import telescope
+from tests.golden import refused
 
 G = 9.8
 RNG = np.random.default_rng(1)
@@ -188,6 +189,13 @@ def test_the_tilt_of_a_step_is_no_lever_arm():
     (leakage,), lever = parameters(CATALOGUE["gravity_leakage"]), parameters(CATALOGUE["lever_arm"])
     misfit, J = v.linearised(with_values((), (leakage,), np.ones(1)), [p for p in lever if p.axis == "z"])
     assert np.abs(misfit).max() < 1e-4 * np.abs(J).max()
+
+
+def test_rates_that_tilt_far_more_than_the_force_are_refused():
+    r = tilting()
+    fast = {key: 57.3 * x if key[0] == "angular_rate" else x for key, x in r.channels.items()}
+    with refused():
+        tilting_table(replace(r, channels=fast))
 
 
 def test_blocks_are_means_and_a_last_short_one_is_left_out():
