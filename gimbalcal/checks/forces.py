@@ -33,6 +33,7 @@ from gimbalcal.checks.input_errors import (
 from gimbalcal.effects.effect import TRIAD
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
+from gimbalcal.recording.detection import motion
 from gimbalcal.recording.dwell import dwells
 from gimbalcal.recording.record import ANGLE, FORCE, Recording
 from gimbalcal.units import to_si
@@ -53,10 +54,7 @@ def motion_within_a_position(e: Examined) -> str:
     """Refuse a position within which the force moves by more than vibration: means of eighths are compared."""
     r = e.recording
     for dwell in dwells(r):
-        rows = r.triad(FORCE, rows=dwell.rows)
-        size = len(rows) // 8
-        rows = rows[: 8 * size].reshape(8, size, -1).mean(axis=1) if size else rows
-        moved = float(np.median(np.linalg.norm(rows - rows.mean(axis=0), axis=1)))
+        moved = motion(r.triad(FORCE, rows=dwell.rows))
         if moved > MAX_MOTION * r.site.gravity:
             t = r.time[[dwell.start, dwell.stop - 1]]
             return (

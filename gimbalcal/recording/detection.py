@@ -8,7 +8,8 @@ its floor is a low quantile of it, divided by that of :math:`\chi^2_{m-1}/(m-1)`
 .. math:: \max_c \; v_c / F_c(m) < T = 10 ,
 
 which leaves room for a table that shakes a little and for the slow part of the noise. A stretch whose mean ratio is
-more than three times that of most of them is rejected: there the unit still moved.
+more than three times that of most of them is rejected, and one within which the force moves by more than
+`MAX_NOISE_SHARE` of it and more than its noise, :math:`\sqrt{T \sum_c F_c}`: there the unit still moved.
 
 **Whether anything rests.** The floor of noise does not depend on the window; that of motion grows with it, as
 :math:`m^2` for a steady turn and as m for a random walk. The window is the longest of at most one second with
@@ -110,7 +111,11 @@ def detect_rests(
         paused[row] |= k >= 0 and row < stops[k] and 2 * pause[row] > time[stops[k] - 1] - time[starts[k]]
     starts, stops = _stretches(still, paused)
     mean = np.array([restless[start:stop].mean() for start, stop in zip(starts, stops, strict=True)])
-    kept = stops - starts >= m
+    kept = stops - starts >= max(m, SHORTEST_DWELL / step)
+    if gravity and len(channels) == 3:
+        most = max(MAX_NOISE_SHARE * level, float(np.sqrt(THRESHOLD * floor.sum())))
+        moves = [motion(_some_rows(triads[0], slice(a, b))) for a, b in zip(starts, stops, strict=True)]
+        kept &= np.array(moves) <= most
     kept &= mean <= UNUSUAL_VARIANCE_RATIO * np.median(mean[kept]) if kept.any() else True
     same = (
         _unmoved_stretches(triads, starts[kept], stops[kept], m, step, raw) if kept.any() else np.zeros(0, dtype=bool)
@@ -119,6 +124,13 @@ def detect_rests(
     for start, stop, k in zip(starts[kept], stops[kept], number, strict=True):
         position[start:stop] = k
     return position
+
+
+def motion(force: Array) -> float:
+    """Return by how much a force (n, 3) moves within a stretch, beyond vibration: the median of means over eighths."""
+    size = len(force) // 8
+    means = force[: 8 * size].reshape(8, size, -1).mean(axis=1) if size else force
+    return float(np.median(np.linalg.norm(means - means.mean(axis=0), axis=1)))
 
 
 def with_rests_as_positions(recording: Recording) -> Recording:

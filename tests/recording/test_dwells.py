@@ -133,6 +133,20 @@ def test_every_rest_is_found_and_nothing_of_a_move(seed, rate):
         assert len(rows) / rate > (stop - start) / rate - 2 * 0.5 - 0.5
 
 
+def test_slow_turns_on_a_table_are_no_rests():
+    """Twenty degrees a second in coarse rows, with one rest of two seconds on the way."""
+    rng = np.random.default_rng(3)
+    turn = np.radians(np.concatenate([np.arange(24.0, 400), np.full(48, 400.0), np.arange(400.0, 1152)]))
+    third = turn >= turn[800]  # about an axis that is off the vertical by 23 deg
+    x, y = np.where(third, 0.4 * np.sin(turn), 0.05), np.where(third, 0.4 * np.cos(turn), np.sin(turn))
+    f = 9.8 * np.stack([x, y, np.where(third, 0.92, np.cos(turn))], axis=-1)
+    f = np.round(f + 0.04 * rng.standard_normal(f.shape), 2)
+    position = detect_rests(np.arange(len(f)) / 20, dict(zip("xyz", f.T, strict=True)))
+    assert position.max() == 1
+    assert not position[:370].any()
+    assert not position[430:].any()
+
+
 @pytest.mark.parametrize("raw", [False, True])
 def test_a_gyroscope_that_shakes_ends_a_rest(raw):
     rng = np.random.default_rng(5)
