@@ -30,7 +30,7 @@ _FORCE_WORDS = (
     "|specific_force|spezifische_kraft|force|kraft|fs|fb|gf|f|a"
 )
 _RATE_WORDS = (
-    "angular_velocity|angular_rate|ang_vel|angvel|ang_v|ang_rate|gyro_rotation|rotation_rate|rot_rate|gyroscope|gyro|gyr|omega"
+    "angular_velocity|angular_rate|ang_vel|angvel|ang_v|ang_rate|gyro_rotation|rotation_rate|rot_rate|rotate|gyroscope|gyro|gyr|omega"
     "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|velocidad_angular|velocidade_angular|velocita_angolare"
     "|giroscopio|gyrometre|giro|rate|om|rot|wb|w|g"
 )

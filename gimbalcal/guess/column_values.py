@@ -22,6 +22,7 @@ from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import to_si
 
 MAX_RATE = 35.0  # rad/s, 2000 deg/s: the range of the fastest gyroscopes in such units
+MIN_FULL_SCALE_ROWS = 5  # at the largest reading, which otherwise is reached once or twice
 MIN_FAST_ROWS = 3  # beyond it, of a turn: fewer are broken lines of the log
 USUAL_NOISE_DEG_S, MAX_BIAS_DEG_S = 0.05, 3.0  # of gyroscopes, from row to row and at rest
 RATE_UNIT_COSTS = {"rad/s": 0.0, "deg/s": 0.0, "deg/h": 4.0}  # nats, of the units of gyroscopes before any number
@@ -31,6 +32,7 @@ CHIP_STEP_GAIN = 5.0  # nats, by which a unit is likelier in which they are quan
 WHOLE_NUMBERS_COST = 6.0  # nats, of a unit of numbers that look like counts
 UNLIKE_COUNTS_COST, POSSIBLE_COUNTS_COST = 12.0, 5.0  # nats, of counts; small whole numbers may be some
 LSB_DEG_S = (1 / 131, 1 / 65.5, 1 / 32.8, 1 / 16.4, 1 / 16, 0.07, 0.035, 0.0175, 0.00875, 1 / 14.375, 0.05, 0.02)
+FULL_SCALES_DEG_S = (250, 500, 1000, 2000)
 ROUND = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6)  # steps in which numbers are printed, whatever they are
 MAX_UNEVENNESS = 3.0  # nats, between the scatter of the axes of one triad
 MIN_FILLED = 0.9  # of the rows of a column that is looked at
@@ -58,7 +60,7 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     growing = [name for name, x in columns.items() if len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]]
     names = [name for name, x in columns.items() if name not in growing and not _stands_still(x)]
     if clock := next((n for n in growing if may_be_clock(columns[n]) and _has_stamps(columns[n])), ""):
-        which = "first" if clock == next(iter(columns)) else "first of those"
+        which = "first" if clock == next(iter(columns)) else "only" if len(growing) == 1 else "first"
         out[clock] = Guess("time", "", "", f"the {which} column, which grows from row to row")
 
     def values(triple: Sequence[str]) -> list[Array]:
@@ -272,6 +274,12 @@ def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
     return "m/s^2", f"nothing shows it: together they are {length:.4g}, which gravity is in no common unit"
 
 
+def _full_scale(x: Array) -> float:
+    """Return the value that the largest readings (n,) share, as those of a sensor at its full scale; else 0."""
+    most = float(np.max(np.abs(x), initial=0.0))
+    return most if np.count_nonzero(np.abs(x) > (1 - 1e-3) * most) >= MIN_FULL_SCALE_ROWS else 0.0
+
+
 def costs_of_rate(triad: Sequence[Array], counted: bool) -> dict[str, tuple[float, str]]:
     r"""Return how unlikely each unit of gyroscopes x, y, z (n,) is by their numbers alone, in nats, and what shows it.
 
@@ -286,6 +294,7 @@ def costs_of_rate(triad: Sequence[Array], counted: bool) -> dict[str, tuple[floa
     scatter = max(float(np.median(np.abs(x[1::every] - x[:-1:every]))) / 0.954 if len(x) > 1 else 0.0 for x in triad)
     bias = max(map(abs, levels))
     whole, step = _are_counts(triad), max(map(quantum, triad))
+    full_scale = max(map(_full_scale, triad))
     out = {}
     for unit, prior in RATE_UNIT_COSTS.items():
         size = float(to_si(1.0, unit))
@@ -301,6 +310,9 @@ def costs_of_rate(triad: Sequence[Array], counted: bool) -> dict[str, tuple[floa
                 cost - CHIP_STEP_GAIN,
                 [f"in steps of {np.degrees(step * size):.4g} deg/s, as chips are quantised"],
             )
+        if any(abs(np.degrees(full_scale * size) / most - 1) < 2e-3 for most in FULL_SCALES_DEG_S):
+            cost -= CHIP_STEP_GAIN
+            why.append(f"cut off at {np.degrees(full_scale * size):.4g} deg/s, the full scale of a chip")
         if whole and (counted or scatter > 3.0):
             cost += WHOLE_NUMBERS_COST
         out[unit] = float(cost), ", ".join(why) or f"up to {fastest:.4g}"

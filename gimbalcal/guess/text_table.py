@@ -332,7 +332,8 @@ def _names(above: Sequence[str], mark: str, width: int, row: Sequence[str]) -> t
     first, *others = _cells(above[at + 1], mark) if 0 <= at + 1 < len(above) else [""]
     if not names[0] and not any(map(str.strip, others)):  # as data frames with groups of columns write their index
         names = (first.strip(), *names[1:])
-    repeated = len(set(names)) < 0.7 * len(names)
+    filled_names = [name for name in names if name]
+    repeated = len(set(filled_names)) < 0.7 * len(filled_names)
     if repeated and upper and any(map(_holds_letters, upper)):
         groups = list(upper)
         for k in range(1, width):

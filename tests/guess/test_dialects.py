@@ -422,6 +422,19 @@ def test_a_unit_that_the_numbers_do_not_show_is_said_and_can_be_stated(tmp_path)
         propose_recording([path], units={"temperature": "K"})
 
 
+def test_gyroscopes_that_are_cut_off_at_the_full_scale_of_a_chip_tell_their_unit(tmp_path):
+    rng = np.random.default_rng(9)
+    t, walk = 0.04 * np.arange(3000), 3.0 * rng.standard_normal((3000, 3)).cumsum(axis=0) / 9
+    moves = (np.arange(3000) > 1000)[:, None]
+    w = np.round(np.clip(moves * walk, -np.radians(250), np.radians(250)) + 0.001 * rng.standard_normal((3000, 3)), 3)
+    w = np.clip(w, -4.363, 4.363)
+    f = np.array([0.0, -G, 1.0]) + (0.02 + moves) * rng.standard_normal((3000, 3))
+    names = "GPST,Ax,Ay,Az,rotate_x,rotate_y,rotate_z"
+    found = propose_recording([rows(tmp_path / "imu.csv", names, t, *f.T, *w.T)])
+    assert {found.guesses[f"rotate_{a}"].unit for a in "xyz"} == {"rad/s"}
+    assert "unit" not in found.notes
+
+
 def test_gyroscopes_that_read_half_of_what_turned_are_said_with_the_factor(tmp_path):
     t, f, w = turned()
     found = propose_recording([rows(tmp_path / "a.csv", "t,ax,ay,az,gx,gy,gz", t, *f.T, *(w * D / 2).T)])
@@ -443,6 +456,13 @@ def test_names_between_dashes_are_those_of_the_columns(tmp_path):
     above = "/\tCG-5 SURVEY\nLine\t   0.000S\n/------LINE-----STATION-----GRAV.---SD.--TILTX-TEMP"
     path = rows(tmp_path / "a.txt", above, np.zeros(9), np.ones(9), 2639.2 + 0.001 * np.arange(9), *np.ones((3, 9)))
     assert list(table_of(path).columns) == ["LINE", "STATION", "GRAV.", "SD.", "TILTX", "TEMP"]
+
+
+def test_names_with_empty_cells_behind_them_are_not_repeated(tmp_path):
+    above = "GRAPH,3,,,,,,,\n-1,321,MX-106,Goal,#000000,0,,-10,8\nTime[ms],Tick,Present,Goal,,,,,"
+    cells = [[""] * 9] * 5
+    path = rows(tmp_path / "a.csv", above, 100 * np.arange(9), 28 * np.arange(9), *np.ones((2, 9)), *cells)
+    assert list(table_of(path).columns) == ["Time[ms]", "Tick", "Present", "Goal"]
 
 
 def test_columns_below_a_block_of_settings_are_one_axis(tmp_path):
