@@ -239,10 +239,8 @@ def of_triads(request: DiagnosisRequest) -> Parts:
     The gyroscopes are compared with accelerometers that include what was found there: both triads are one model. A
     baseline of gyroscope effects alone asks for the gyroscopes alone, and so on.
     """
-    recording, (mine, gyro) = request.recording, by_triad(request.baseline)
+    recording, mine = request.recording, by_triad(request.baseline)[0]
     if not (recording.has(FORCE) and (mine or not request.baseline)):
-        if gyro and recording.has(RATE) and recording.has(FORCE):
-            request = request.of(_at_one_attitude(recording))
         return _with_gyroscopes(request, [])
     c = select_causes(norm(recording, mine), request.progress)
     if odd := [rest for rest in norm_outliers(recording) if _is_unexplained(c.end.residual, rest.dwell)]:
@@ -268,6 +266,7 @@ def _with_gyroscopes(request: DiagnosisRequest, diagnoses: list[ViewDiagnosis]) 
     _, gyro = by_triad(request.baseline)
     if not (recording.has(RATE) and recording.has(FORCE) and (gyro or not request.baseline)):
         return diagnoses, []
+    recording = _at_one_attitude(recording)
     calibration = calibration_of(diagnoses, "") if diagnoses else request.calibration
     at_rest = view_at_rest(recording, gyro, calibration)
     if at_rest is None:
