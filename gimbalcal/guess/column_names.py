@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from gimbalcal.guess.log import Guess
@@ -311,6 +311,15 @@ def body_rates(names: dict[str, str]) -> dict[str, Guess]:
         n: Guess(RATE, _BODY[parts[0]], _UNITS.get("_".join(parts[1:]), ""), f"its name {n.strip()!r}, {why}")
         for n, parts in columns.items()
     }
+
+
+def differ_in_axis(triple: Sequence[str]) -> bool:
+    """Return whether three names differ in one letter or digit that counts on; mere numbers are no names."""
+    a, b, c = (name.lower() for name in triple)
+    if a.isdigit() or not len(a) == len(b) == len(c):
+        return False
+    at = [i for i, letters in enumerate(zip(a, b, c, strict=True)) if len(set(letters)) > 1]
+    return bool(at) and {a[i] + b[i] + c[i] for i in at} <= {"xyz", "012", "123", "456", "abc"}
 
 
 def axis_word(name: str) -> str:

@@ -14,7 +14,7 @@ from gimbalcal.checks.forces import MAX_RANGE_ERROR, other_range
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.guess.clocks import may_be_clock
-from gimbalcal.guess.column_names import NOT_A_TRIAD, by_name, is_counter, plain_name, unit_written
+from gimbalcal.guess.column_names import NOT_A_TRIAD, by_name, differ_in_axis, is_counter, plain_name, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.number import Array
 from gimbalcal.quantities import refuse_unit
@@ -41,6 +41,7 @@ MIN_STANDING_ROWS = 10  # on average, in which the place of a station is repeate
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbers
 MIN_SHARE_OF_OFFSET = 0.03  # of the offset of a converter, which gravity is; steps of a reading at rest are less
+MAX_SHARE_OF_SPREAD = 0.2  # of that about zero, which the spread about an offset is
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
 _MATRIX = re.compile(r"(^|_)[a-z]?_?[0-3]_?[0-3](_|$)")  # elements of a matrix, M11, r_0_1
 _PLACE = re.compile(r"position|translation|displacement")  # in metres, whatever moves
@@ -60,8 +61,8 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     growing = [name for name, x in columns.items() if len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]]
     names = [name for name, x in columns.items() if name not in growing and not _stands_still(x)]
     if clock := next((n for n in growing if may_be_clock(columns[n]) and _has_stamps(columns[n])), ""):
-        which = "first" if clock == next(iter(columns)) else "only" if len(growing) == 1 else "first"
-        out[clock] = Guess("time", "", "", f"the {which} column, which grows from row to row")
+        that = ", which" if clock == next(iter(columns)) else " that"
+        out[clock] = Guess("time", "", "", f"the first column{that} grows from row to row")
 
     def values(triple: Sequence[str]) -> list[Array]:
         return [columns[name] for name in triple]
@@ -104,7 +105,7 @@ def by_similar_names(columns: Mapping[str, Array]) -> dict[str, Guess]:
     The one whose length hardly changes holds the forces; the first that returns to one level at rest the rates.
     """
     names = list(columns)
-    triples = [t for t in zip(names, names[1:], names[2:], strict=False) if _differ_in_axis(t)]
+    triples = [t for t in zip(names, names[1:], names[2:], strict=False) if _is_triad(t)]
     whole = {t: np.isfinite(np.stack([columns[n] for n in t])).all(axis=0) for t in triples}
     values = {t: [columns[n][whole[t]] for n in t] for t in triples if whole[t].any()}
     forces = [t for t, x in values.items() if _of_constant_length(x) and changes_direction(x)]
@@ -128,19 +129,11 @@ def _triads(triples: Sequence[Sequence[str]], quantity: str, unit: Callable[[str
     return {n: Guess(quantity, axis, unit(n), why) for t in triples for axis, n in zip("xyz", t, strict=True)}
 
 
-def _differ_in_axis(triple: Sequence[str]) -> bool:
-    """Return whether names differ in one letter or digit that counts on; mere numbers are no names."""
-    a, b, c = (name.lower() for name in triple)
-    if a.isdigit() or not len(a) == len(b) == len(c):
-        return False
-    at = [i for i, letters in enumerate(zip(a, b, c, strict=True)) if len(set(letters)) > 1]
-    return (
-        bool(at)
-        and {a[i] + b[i] + c[i] for i in at} <= {"xyz", "012", "123", "456", "abc"}
-        and not NOT_A_TRIAD.intersection(plain_name(triple[0]).split("_"))
-        and not _MATRIX.search(plain_name(triple[0]))
-        and not _PLACE.search(plain_name(triple[0]))
-    )
+def _is_triad(triple: Sequence[str]) -> bool:
+    """Return whether names that differ in one letter may be those of a triad of accelerometers or gyroscopes."""
+    words = plain_name(triple[0])
+    elsewhere = NOT_A_TRIAD.intersection(words.split("_")) or _MATRIX.search(words) or _PLACE.search(words)
+    return differ_in_axis(triple) and not elsewhere
 
 
 def changes_direction(triple: Sequence[Array]) -> bool:
@@ -253,9 +246,12 @@ def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
     lengths = _length(triad)
     length = float(np.median(lengths))
     if len(triad) == 3 and len(lengths):
-        centre, size, spread = _sphere(triad)
+        centre, size, _ = _sphere(triad)
+        off_sphere = np.abs(_length([x - c for x, c in zip(triad, centre, strict=True)]) - size)
+        spread, about_zero = (float(np.quantile(x, 0.9)) for x in (off_sphere, np.abs(lengths - length)))
         all_ways = min(float(np.ptp(x)) / 2 for x in triad) > 0.6 * size > MIN_SHARE_OF_OFFSET * length
-        if all_ways and spread < MAX_GRAVITY_ERROR / 6 and float(np.linalg.norm(centre)) > size:
+        constant = spread < MAX_GRAVITY_ERROR / 6 * size and spread < MAX_SHARE_OF_SPREAD * about_zero
+        if all_ways and constant and float(np.linalg.norm(centre)) > size:
             at = ", ".join(f"{c:.4g}" for c in centre)
             return "count", f"gravity is {size:.4g} about {at}: counts with an offset, which the calibration finds"
     for unit, size in GRAVITY.items():
@@ -365,7 +361,7 @@ def signed_counts(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple
     gained = {n: jumps(signed[n]) - jumps(x) for n, x in whole.items()}
     shown = {n for n, x in signed.items() if gained[n] < 0 and not jumps(x) and not _is_clock(n, x)}
     names = list(columns)
-    for triad in filter(_differ_in_axis, zip(names, names[1:], names[2:], strict=False)):
+    for triad in filter(_is_triad, zip(names, names[1:], names[2:], strict=False)):
         if shown.intersection(triad):
             of_counts = whole.keys() & set(triad)
             shown = shown - of_counts if any(gained[n] > 0 for n in of_counts) else shown | of_counts

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import zipfile
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -30,6 +31,7 @@ from gimbalcal.recording.memory_limit import refuse_packed_bomb
 from gimbalcal.recording.record import FORCE
 from gimbalcal.recording.samples import redirect_messages
 
+_STAMPED = re.compile(rb"\s*\[[^\[\]{}\"\n]*\][ \t]*[^\s,\]]")  # a line of a log behind its stamp, [1530 ms] acc: 0.1
 START = 4096  # bytes that show what a file is
 MIN_ROWS = 3
 MAX_SKEW = 1e-3  # of a rotation matrix as it is written, from an orthogonal one
@@ -114,7 +116,8 @@ def _reader(path: Path, start: bytes) -> Callable[[Path], Mapping[str, Any]] | N
         return _numpy
     if start.startswith(b"PAR1"):
         return _parquet
-    return _json if start.lstrip()[:1] in (b"{", b"[") and not _json_lines(start) else None
+    like_json = start.lstrip()[:1] in (b"{", b"[") and not _json_lines(start) and not _STAMPED.match(start)
+    return _json if like_json else None
 
 
 def _holds_arrays(path: Path) -> bool:

@@ -19,6 +19,7 @@ from gimbalcal.guess.attitude import quaternions
 from gimbalcal.guess.column_names import (
     axis_word,
     by_name,
+    differ_in_axis,
     is_commanded,
     is_estimated,
     plain_name,
@@ -166,7 +167,10 @@ def _axis_candidates(log: Log) -> dict[str, Array]:
     """Return columns that may be angles or rates of a rig, and turn."""
     named = {n: log.columns[n] for n in log.names("gimbal_angle")}
     of_attitude = {n for _, names, _ in quaternions(log) for n in names}
-    unnamed = [n for n in log.unknown if n not in of_attitude and not is_estimated(n) and not _is_of_a_sensor(n)]
+    names = list(log.columns)
+    of_vector = {n for t in zip(names, names[1:], names[2:], strict=False) if differ_in_axis(t) for n in t}
+    others = of_attitude | of_vector  # of a magnetometer, which follows the turns as well
+    unnamed = [n for n in log.unknown if n not in others and not is_estimated(n) and not _is_of_a_sensor(n)]
     candidates = {n: x for n, x in log.columns.items() if n in named or n in unnamed}
     return {n: x for n, x in candidates.items() if np.isfinite(x).mean() > 0.5 and np.nanmin(x) < np.nanmax(x)}
 

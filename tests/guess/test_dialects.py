@@ -325,6 +325,18 @@ def test_what_is_nested_deep_in_json_is_read_with_its_row(tmp_path):
     assert dict(leaves_of_object({"a": [1, None], "b": {"c": "x", "d": []}})) == {"a_0": 1, "a_1": None, "b_c": "x"}
 
 
+def test_lines_behind_a_stamp_in_brackets_are_text(tmp_path):
+    t, f, w = turned()
+    each = [" ".join(f"{x:.5f}" for x in row) for row in np.column_stack([f, w])]
+    lines = [f"[{1000 * a:.0f} ms] imu: {row}" for a, row in zip(t, each, strict=True)]
+    (tmp_path / "log.txt").write_text("\n".join(lines))
+    r = propose_recording([tmp_path / "log.txt"], rate=1 / (t[1] - t[0])).recording
+    np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-3)
+    (tmp_path / "log.json").write_text("[1, 2\n")
+    with refused():
+        propose_recording([tmp_path / "log.json"])
+
+
 @pytest.mark.parametrize("start", [b"PK\x03\x04junk", b"\x1f\x8b\x08", b"#ROSBAG V2.0\n", b"\x01\x00\x02\x00" * 99])
 def test_what_only_another_program_reads_is_one_sentence(tmp_path, start):
     path = tmp_path / "log.bin"

@@ -143,6 +143,8 @@ def test_counts_of_a_converter_have_an_offset_that_no_bias_is(tmp_path, scale, o
                **{f"g{a}": np.round(370 + 60 * w[:, i]) for i, a in enumerate("xyz")}}  # fmt: skip
     found = propose_recording([table(tmp_path / "adc.csv", columns)])
     assert {found.guesses[f"a{a}"].unit for a in "xyz"} == {"count"}
+    walk = np.where(t[:, None] > t[-1] / 2, 0.4 * np.random.default_rng(1).standard_normal(f.shape), 0.003)
+    assert unit_of_force(list((walk + np.array([0.0, 0.2, -0.97])).T))[0] == "g"  # half at rest, half in motion
     still = np.round(read[:200] - read[:200].mean(axis=0) + [580.0, 570.0, 570.0])
     assert unit_of_force(list(still.T))[0] == "mg"  # at rest the steps of a converter lie on a small sphere
 

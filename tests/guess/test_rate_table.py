@@ -145,6 +145,19 @@ def test_a_hinge_that_swings_all_the_time_is_a_table_about_a_level_axis(tmp_path
         propose_recording([log(tmp_path / "b.csv", felt(platform, angle[:, None]), **force, encoder=angle)])
 
 
+def test_a_magnetometer_that_turns_with_the_unit_is_no_angle_of_a_table(tmp_path):
+    """Sixteen degrees about the vertical: one of its axes changes nearly as the angle does."""
+    angle = 8 * np.sin(2 * np.pi * 0.3 * STEP * np.arange(600))
+    g = felt(Platform("own", (Axis("table", "z"),)), angle[:, None])
+    field = np.stack([np.cos(np.radians(angle)), -np.sin(np.radians(angle)), 0 * angle + 2], axis=-1) * 20
+    field += np.random.default_rng(2).normal(0.0, 0.3, field.shape)
+    found = propose_recording([log(tmp_path / "a.csv", g, angle=angle)])
+    assert found.recording.platform.axis_names == ("table",)
+    vector = {f"Mag{a}_uT": x for a, x in zip("XYZ", field.T, strict=True)}
+    with refused():
+        propose_recording([log(tmp_path / "b.csv", g, **vector)])
+
+
 def test_what_no_column_explains_is_said(tmp_path):
     angle = STEP * np.cumsum(profile())
     oblique = felt(
