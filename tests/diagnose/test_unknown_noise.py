@@ -201,6 +201,23 @@ def test_gyroscopes_that_follow_the_temperature_are_named_with_their_size():
     assert abs(size["value"] - 40.0) < 4 * size["sigma"] < 8.0
 
 
+def test_gyroscopes_of_a_unit_in_one_attitude_are_compared_in_blocks():
+    """Nine long rests, over each of which the temperature goes round; two gyroscopes follow it."""
+    rng = np.random.default_rng(4)
+    t = 2.0 * np.arange(900)
+    position = np.repeat(np.arange(1, 10), 100)
+    warm = 20 + 10 * np.sin(2 * np.pi * t / 200)
+    drift = np.outer(warm, [0.0, -100.0, 60.0]) * np.pi / 648000
+    f = np.array([0.0, 0.0, G]) + 1e-3 * rng.standard_normal((900, 3))
+    w = 1e-3 + drift + 2e-4 * rng.standard_normal((900, 3))
+    channels = {("specific_force", a): f[:, i] for i, a in enumerate("xyz")}
+    channels |= {("angular_rate", a): w[:, i] for i, a in enumerate("xyz")} | {("temperature", ""): warm}
+    r = Recording("multi-position", "cooled", BENCH, Site(None, 0.0, G), {}, t, position, channels)
+    (found,) = diagnose([r]).findings
+    assert "gyro_bias_temperature" in {found["effect"], *found["twins"]}
+    assert {p["axis"] for p in found["parameters"]} >= {"y", "z"}
+
+
 def test_a_worm_is_found_by_the_number_of_its_teeth():
     """Tracking over 25 degrees at the sidereal rate, an error of 6 arcsec once per tooth, 1 arcsec of noise."""
     rng = np.random.default_rng(144)
