@@ -29,6 +29,7 @@ MIN_ROWS, MAX_KINDS = 3, 200
 _STAMP = r"\[?((?:\d{4}-\d\d-\d\d[T ])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\]?"
 _ARRIVED = re.compile(rf"^\s*{_STAMP}\s*->\s*")
 _STAMPED = re.compile(rf"^\s*{_STAMP}")
+_ELAPSED = re.compile(r"^\s*\[\s*(\d+(?:\.\d+)?)\s*(?:ns|us|ms|s)?\s*\]\s*")  # [1530815 ms] before a line
 _CHECKSUM = re.compile(r"\*[0-9A-Fa-f]{2,8}\s*$")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _VALUE = rf"{_NUMBER}|[-+]?(?i:nan|inf)"
@@ -63,6 +64,8 @@ def tables_in(path: Path, head: Sequence[str]) -> tuple[dict[str, list[str]], in
     """
     documents = 2 * sum(bool(_FIELD.match(line)) for line in head) > len(head) and "---" in head
     head = _documents(head) if documents else head
+    elapsed = 2 * sum(bool(_ELAPSED.match(line)) for line in head) > len(head)
+    head = [_ELAPSED.sub(r"\1 ", line) for line in head] if elapsed else head
     lines_of_text = [line for line in head if line.strip() and not line.startswith(_COMMENT)]
 
     def usual(test: Callable[[str], object]) -> bool:
@@ -70,12 +73,14 @@ def tables_in(path: Path, head: Sequence[str]) -> tuple[dict[str, list[str]], in
 
     arrived, summed, paired = usual(_ARRIVED.match), usual(_CHECKSUM.search), usual(_pairs)
     at = next((k for k in (0, 1) if usual(partial(_tag, at=k))), None)
-    if not lines_of_text or not (arrived or summed or paired or at is not None):
+    if not lines_of_text or not (arrived or elapsed or summed or paired or at is not None):
         return {}, 0
     lines = path.read_text(encoding=encoding_of(path), errors="replace").splitlines()
     lines = _documents(lines) if documents else lines
     if arrived:
         lines = _without_arrows(lines)
+    if elapsed:
+        lines = [_ELAPSED.sub(r"\1 ", line) for line in lines]
     if summed:
         lines = [_CHECKSUM.sub("", line) for line in lines]
     messages, skipped = _of_pairs(lines) if paired else (_of_words(lines, at) if at is not None else {}, 0)
@@ -83,7 +88,7 @@ def tables_in(path: Path, head: Sequence[str]) -> tuple[dict[str, list[str]], in
         chosen = _chosen_kind(path, messages)
         skipped += sum(len(message.rows) for tag, message in messages.items() if paired and tag not in chosen)
         return {tag: _lines(message) for tag, message in chosen.items()}, skipped
-    return ({"": lines} if arrived or summed else {}), 0
+    return ({"": lines} if arrived or elapsed or summed else {}), 0
 
 
 def _documents(lines: Sequence[str]) -> list[str]:
