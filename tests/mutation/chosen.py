@@ -45,7 +45,8 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
         ("history.unit_store", "_content_digest", 'k != "created"', 'k != "recordings"'),
     ),
     "recording/test_dwells.py": (
-        ("recording.detection", "detect_rests", "kept = stops - starts >= m", "kept = stops - starts >= 2"),
+        ("recording.detection", "detect_rests", "max(m, SHORTEST_DWELL / step)", "2"),
+        ("recording.detection", "detect_rests", "np.array(moves) <= most", "True"),
         ("recording.detection", "_short_and_long", "within + between", "within"),
         ("recording.detection", "_unmoved_stretches", "> noise", "> 100 * noise"),
         ("recording.detection", "_threshold", "max(THRESHOLD,", "min(THRESHOLD,"),
