@@ -79,17 +79,27 @@ def of_another_log(path: Path, log: Log) -> dict[str, Array]:
     return out
 
 
-def motion_cost(log: Log) -> float:
+def motion_cost(log: Log, shown: tuple[float, float] | None = None) -> float:
     r"""Return how unlikely the unit of the gyroscopes is by what else shows how the unit turned, in nats.
+
+    The cost is :math:`(\ln r / s)^2 / 2` for the ratio r of the two and its spread s, `shown` for gyroscopes of rad/s
+    as `turning_ratio` returns it, which is the same in every unit of the gyroscopes.
+    """
+    unit = next((log.guesses[n].unit for n in log.names(RATE)), "count")
+    ratio, spread = (0.0, 1.0) if unit == "count" else shown or turning_ratio(log)
+    return float(min(0.5 * (np.log(to_si(ratio, unit)) / spread) ** 2, MAX_UNIT_COST)) if ratio else 0.0
+
+
+def turning_ratio(log: Log) -> tuple[float, float]:
+    """Return how far gyroscopes of rad/s turned over how far the unit did by what else shows it, and its spread, ln.
 
     A quaternion, be it the unit's own, turned from row to row by what the gyroscopes measured, within a third; the
     direction of the smoothed force within a factor of 4, for it shows accelerations too and no turn about itself. The
-    cost is :math:`(\ln r / s)^2 / 2` for the ratio r of the two.
+    ratio is 0 where nothing shows it.
     """
-    names = log.names(RATE)
-    if len(names) != 3 or log.guesses[names[0]].unit == "count":
-        return 0.0
-    w = np.stack([np.asarray(to_si(log.columns[n], log.guesses[n].unit)) for n in names])
+    w = np.stack(log.values(RATE)) if log.has(RATE) else np.zeros((0, 0))
+    if len(w) != 3:
+        return 0.0, 1.0
     dt = np.diff(log.seconds)
     gyro_angle = np.linalg.norm(w[:, 1:] - np.nanmedian(w, axis=1, keepdims=True), axis=0) * dt
     known = [[log.columns[n] for n in columns] for _, columns, _ in quaternions(log)]
@@ -106,13 +116,12 @@ def motion_cost(log: Log) -> float:
         gyro_angle = np.add.reduceat(gyro_angle, edges[:-1])[: len(reference_angle)] if complete else gyro_angle[:0]
         reference_angle = reference_angle[: len(gyro_angle)]
     else:
-        return 0.0
+        return 0.0, 1.0
     moving = np.isfinite(reference_angle) & np.isfinite(gyro_angle)
     moving &= reference_angle > np.nanmedian(reference_angle) if moving.any() else moving
     if not reference_angle[moving].sum() > MIN_TURN_RAD or not gyro_angle[moving].sum() > 0:
-        return 0.0
-    ratio = gyro_angle[moving].sum() / reference_angle[moving].sum()
-    return float(min(0.5 * (np.log(ratio) / spread) ** 2, MAX_UNIT_COST))
+        return 0.0, 1.0
+    return float(gyro_angle[moving].sum() / reference_angle[moving].sum()), spread
 
 
 def _length(q: Array) -> float:

@@ -94,9 +94,10 @@ def unit_of_epoch(time: Array) -> str:
     """
     if len(time) < MIN_ROWS or time[-1] == time[0]:
         return ""
+    earliest, latest = np.min(time), np.max(time)
     for unit, epoch in EPOCH_DAYS.items():
         first, last = ((day + epoch) * UNITS["d"] / UNITS[unit] for day in UNIX_DAYS)
-        if first <= np.min(time) and np.max(time) <= last:
+        if first <= earliest and latest <= last:
             return unit
     return ""
 
@@ -140,10 +141,9 @@ def unwrapped_clock(t: Array) -> tuple[Array, str]:
     """
     step = np.diff(t)
     back = np.flatnonzero(step < 0)
-    forward = step[step > 0]
-    if not len(back) or len(back) > MAX_WRAPS * len(t) or not len(forward):
+    if not len(back) or len(back) > MAX_WRAPS * len(t) or not np.any(step > 0):
         return t, ""
-    median = float(np.median(forward))
+    median = float(np.median(step[step > 0]))
     for period, name in WRAP_PERIODS.items():
         continued = step[back] + period
         usual = (continued > 0.2 * median) & (continued < 20 * median + 1e-6 * period)

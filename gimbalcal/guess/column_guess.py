@@ -28,7 +28,7 @@ from gimbalcal.guess.column_values import (
     signed_counts,
     unit_of_force,
 )
-from gimbalcal.guess.log import Guess, Log
+from gimbalcal.guess.log import Guess, Log, filled_rows
 from gimbalcal.guess.merged_logs import DWELL_ROWS, without_duplicates
 from gimbalcal.guess.text_table import Table
 from gimbalcal.guess.unit_candidates import rate_costs
@@ -221,19 +221,24 @@ def _without_held_rows(log: Log) -> tuple[Log, str]:
     sensors = [*log.values(FORCE), *log.values(RATE)]
     if len(sensors) < 3:
         return log, ""
-    alike = np.append(False, np.all([x[1:] == x[:-1] for x in sensors], axis=0))
-    length = np.diff(np.flatnonzero(~alike), append=len(alike))
+    alike = np.logical_and.reduce([x[1:] == x[:-1] for x in sensors])
+    first, last = np.flatnonzero(np.diff(alike, prepend=False, append=False)).reshape(-1, 2).T  # of rows alike
+    length = last - first + 1
     long = length >= MIN_HELD_ROWS
     if not long.any() or np.mean([step_of_most_changes(x)[0] > 0 for x in sensors]) > 0.5:
         return log, ""
-    others = np.repeat(~long, length)
-    p = float(np.mean(alike[others])) if others.any() else 1.0
-    repeated = np.repeat(long & (len(alike) * p ** (length - 1.0) < MIN_PROBABILITY), length) & alike
-    if not repeated.any() or 2 * np.count_nonzero(repeated) > len(repeated):
+    n = len(alike) + 1
+    others = n - int(length[long].sum())
+    p = float((length[~long] - 1).sum()) / others if others else 1.0
+    held = long & (n * p ** (length - 1.0) < MIN_PROBABILITY)
+    repeated = np.zeros(n, dtype=bool)
+    for start, stop in zip(first[held] + 1, last[held] + 1, strict=True):
+        repeated[start:stop] = True
+    rows = int(np.count_nonzero(repeated))
+    if not rows or 2 * rows > n:
         return log, ""
-    count = int(np.count_nonzero(np.diff(repeated.astype(int)) > 0))
-    where = f"{number_of(count, 'stretch', 'stretches')} in which the recorder held a row"
-    return log.rows(~repeated), f"{number_of(int(np.count_nonzero(repeated)), 'row')} are left out, {where}"
+    where = f"{number_of(int(np.count_nonzero(held)), 'stretch', 'stretches')} in which the recorder held a row"
+    return log.rows(~repeated), f"{number_of(rows, 'row')} are left out, {where}"
 
 
 def _without_repeated_rows(log: Log) -> tuple[Log, str]:
@@ -263,7 +268,7 @@ def _rows_are_dwells(log: Log) -> bool:
     if len(force) != 3:
         return False
     return (_numbers_each_row(log) and len(force[0]) <= MAX_NUMBERED) or (
-        not _is_sampled(log) and _turns_each_row(force)
+        _turns_each_row(force) and not _is_sampled(log)
     )
 
 
@@ -283,10 +288,9 @@ def _numbers_each_row(log: Log) -> bool:
 
 
 def _turns_each_row(force: Sequence[Array]) -> bool:
-    whole = np.all([np.isfinite(x) for x in force], axis=0)
-    if not 2 < np.count_nonzero(whole) <= MAX_DWELLS:
+    f = np.stack(filled_rows(force), axis=-1)
+    if not 2 < len(f) <= MAX_DWELLS:
         return False
-    f = np.stack([x[whole] for x in force], axis=-1)
     step, norm = np.linalg.norm(np.diff(f, axis=0), axis=1), np.linalg.norm(f, axis=1)
     alike = np.quantile(np.abs(norm / np.median(norm) - 1), 0.9) < MAX_NORM_SPREAD
     turns = np.mean(step > MIN_STEP * np.median(norm)) > 0.5
@@ -360,8 +364,7 @@ def with_units(log: Log, stated: Mapping[str, str]) -> Log:
     )
     names = log.names(FORCE)
     named = {log.guesses[n].unit for n in names}
-    full = np.all([np.isfinite(x) for x in log.values(FORCE)], axis=0)
-    triad = [x[full] for x in log.values(FORCE)]
+    triad = filled_rows(log.values(FORCE))
     unknown = not all(is_unit_of(FORCE, unit) for unit in named)
     if unknown or (len(named) == 1 and FORCE not in stated and in_another_unit(triad, *named)):
         unit, why = unit_of_force(triad)

@@ -138,6 +138,7 @@ def _is_triad(triple: Sequence[str]) -> bool:
 
 def changes_direction(triple: Sequence[Array]) -> bool:
     """Return whether a vector points elsewhere now and then; one of no length points nowhere."""
+    triple = _some_rows(triple)
     length = _length(triple)
     read = length > 0
     return bool(read.any()) and any(np.ptp(x[read] / length[read]) > MAX_GRAVITY_ERROR for x in triple)
@@ -155,6 +156,11 @@ def _decades_from_zero(triple: Sequence[Array]) -> int:
     scatter = float(np.linalg.norm([np.mean(np.abs(np.diff(x))) for x in triple]))
     level = float(np.linalg.norm([np.median(x) for x in triple]))
     return round(np.log10(max(level / max(scatter, 1e-300), 1.0)))
+
+
+def _some_rows(triple: Sequence[Array]) -> list[Array]:
+    """Return rows of a triad, evenly spaced, that show its usual numbers."""
+    return [x[:: max(1, len(x) // MAX_SAMPLED_ROWS)] for x in triple]
 
 
 def _length(triple: Sequence[Array]) -> Array:
@@ -229,7 +235,7 @@ def _unlike_gravity(triple: Sequence[Array], error: float = MAX_GRAVITY_ERROR) -
 
 def in_another_unit(triad: Sequence[Array], named: str) -> bool:
     """Return whether accelerometers x, y, z (n,) read the length of gravity throughout, but not in the unit named."""
-    triad = [x[:: max(1, len(x) // MAX_SAMPLED_ROWS)] for x in triad]
+    triad = _some_rows(triad)
     if not len(triad[0]):
         return False
     unlike, spread = _unlike_gravity(triad)
@@ -242,7 +248,7 @@ def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
 
     Where they point all ways about a centre farther from zero than any bias is, the length says nothing.
     """
-    triad = [x[:: max(1, len(x) // MAX_SAMPLED_ROWS)] for x in triad]
+    triad = _some_rows(triad)
     lengths = _length(triad)
     length = float(np.median(lengths))
     if len(triad) == 3 and len(lengths):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -109,6 +109,12 @@ class Log:
     def rows(self, chosen: Array) -> Log:
         """Return some of the rows."""
         return replace(self, columns={name: x[chosen] for name, x in self.columns.items()})
+
+
+def filled_rows(columns: Sequence[Array]) -> list[Array]:
+    """Return columns (n,) at the rows in which all of them have a value."""
+    filled = np.logical_and.reduce([np.isfinite(x) for x in columns])
+    return list(columns) if np.all(filled) else [x[filled] for x in columns]
 
 
 def _means(x: Array, size: int) -> Array:

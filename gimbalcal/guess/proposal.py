@@ -19,7 +19,7 @@ from gimbalcal.checks.measured_turns import MeasuredTurns, turns_of
 from gimbalcal.checks.rates import turns_explained
 from gimbalcal.checks.table import CHECKS, refuse_implausible
 from gimbalcal.errors import InputError, list_of_alternatives, number_of
-from gimbalcal.guess.attitude import motion_cost, with_reference
+from gimbalcal.guess.attitude import motion_cost, turning_ratio, with_reference
 from gimbalcal.guess.celestial import axis_angles, refuse_below_horizon, refuse_single_places
 from gimbalcal.guess.column_guess import guess_columns, left_out_in_words, with_units
 from gimbalcal.guess.column_names import by_name, is_estimated, quantity_of_log
@@ -332,7 +332,7 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
     best: tuple[float, Proposal, Log] | None = None
     runner_up, of_means, at_rest = (np.inf, log), False, tuple[Dwell, ...]()
     whole: Log | None = None  # whose means are those of candidates with the same columns
-    means = log
+    means, shown = log, dict[str, tuple[float, float]]()  # of the turns, by the unit of the clock
     candidates = unit_candidates(log, above)
     for candidate in candidates:
         if best and candidate.cost > best[0] + MIN_MARGIN:
@@ -340,8 +340,15 @@ def _multi_position(log: Log, context: _Context, above: Sequence[str]) -> Propos
         if whole is None or any(whole.columns.get(n) is not x for n, x in candidate.log.columns.items()):
             whole = candidate.log
             means = whole.thinned(MAX_TRIAL_ROWS, MAX_TRIAL_MEAN) if len(candidates) > 1 else whole
+            shown.clear()
         trial = candidate.log if means is whole else replace(means, guesses=candidate.log.guesses)
-        cost = candidate.cost + (motion_cost(trial) if log.has_open_unit(RATE) else 0.0)
+        cost = candidate.cost
+        if log.has_open_unit(RATE):
+            clock = trial.guesses[trial.clock].unit
+            shown[clock] = shown.get(clock) or turning_ratio(trial)
+            cost += motion_cost(trial, shown[clock])
+        if best and cost > best[0] + MIN_MARGIN:
+            continue
         try:
             trial = trial.shortened(at_rest, MAX_DWELL_ROWS) if at_rest else trial
             proposal, used = _tried_recording(trial, candidate.log, context)

@@ -28,7 +28,7 @@ from gimbalcal.guess.column_names import (
 )
 from gimbalcal.guess.column_values import MAX_GRAVITY_ERROR, RATE_UNIT_COSTS, changes_direction
 from gimbalcal.guess.gimbal_chain import MAX_AXES, MAX_COLUMNS, QUARTER_TURNS, chains, encoder_angles, usual_platform
-from gimbalcal.guess.log import Guess, Log
+from gimbalcal.guess.log import Guess, Log, filled_rows
 from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
 from gimbalcal.quantities import QUANTITIES
@@ -128,8 +128,8 @@ def gravity_is_constant(log: Log) -> bool:
     force = log.values(FORCE)
     if len(force) != 3 or log.has("position"):
         return False
-    whole = np.all([np.isfinite(x) for x in force], axis=0)
-    return bool(whole.any()) and not changes_direction([x[whole] for x in force])
+    filled = filled_rows(force)
+    return len(filled[0]) > 0 and not changes_direction(filled)
 
 
 def gravity_follows(table: TurnedLog) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from gimbalcal.guess import clocks
 from gimbalcal.guess.column_values import MAX_GRAVITY_ERROR, costs_of_rate
-from gimbalcal.guess.log import Guess, Log
+from gimbalcal.guess.log import Guess, Log, filled_rows
 from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si, to_si
 
@@ -57,10 +57,9 @@ def unit_candidates(log: Log, above: Sequence[str]) -> list[UnitCandidate]:
     """
     out, rates = [], [*_rates_in_units(log)]
     for clock, t_cost in _with_clocks(log):
-        step = float(np.median(np.diff(clock.seconds)))
         for guesses, r_cost in rates:
             each, cost = clock.including(guesses), t_cost + r_cost
-            scaled = in_physical_units(each, above, step)
+            scaled = in_physical_units(each, above)
             out.append(UnitCandidate(scaled, cost - (SCALE_STATED if scaled.guesses != each.guesses else 0.0)))
             out += [UnitCandidate(each, cost)] if scaled.guesses != each.guesses else []
     return sorted(out, key=lambda c: c.cost)
@@ -94,11 +93,8 @@ def _rates_in_units(log: Log) -> Iterator[tuple[dict[str, Guess], float]]:
 
 def rate_costs(log: Log) -> dict[str, tuple[float, str]]:
     """Return how unlikely each unit of the gyroscopes of a log is by their numbers, and what shows it."""
-    values = log.values(RATE)
-    full = np.all([np.isfinite(x) for x in values], axis=0)
-    full = slice(None) if full.all() else full
     counted = any(log.guesses[n].unit == "count" for n in log.names(FORCE))
-    return costs_of_rate([x[full] for x in values], counted)
+    return costs_of_rate(filled_rows(log.values(RATE)), counted)
 
 
 def stated_scales(above: Sequence[str]) -> dict[str, list[tuple[float, str]]]:
@@ -115,16 +111,17 @@ def stated_scales(above: Sequence[str]) -> dict[str, list[tuple[float, str]]]:
     return out
 
 
-def in_physical_units(log: Log, above: Sequence[str], step: float) -> Log:
+def in_physical_units(log: Log, above: Sequence[str]) -> Log:
     """Return the log with counts in g and deg/s where the lines above it state a scale.
 
-    Accelerometers are scaled only where they then read gravity; counts may also be sums over a step of `step` s.
+    Accelerometers are scaled only where they then read gravity; counts may also be sums over a step of the clock.
     """
     for quantity, stated in stated_scales(above).items():
         unit, of_unit = ("g", "counts per g") if quantity == FORCE else ("deg/s", "counts per deg/s")
         names = [n for n in log.names(quantity) if log.guesses[n].unit == "count"]
         for size, line in stated if len(names) == 3 else ():
             scale = float(from_si(size, unit))
+            step = float(np.median(np.diff(log.seconds)))
             length = float(np.nanmedian(np.sqrt(sum(log.columns[n] ** 2 for n in names)))) * scale
             factors = [(1.0, ""), (1 / step, f", added up over {step:.4g} s")]
             fitting = [f for f in factors if quantity == RATE or abs(length * f[0] - 1) < MAX_GRAVITY_ERROR]

@@ -61,6 +61,7 @@ SHAKEN_SCATTER_RATIO = 20.0  # times the usual scatter of a gyroscope at rest: i
 WINDOWS_PER_SUM = 2  # windows in one sum: next to a turn, gyroscopes of 1e-4 deg/h are at the end of a double
 PIECES = 200  # of them at a time: their sums stay in the cache of a processor
 RAW_TURNING = 100.0  # times the usual distance from the level, of counts of unknown scale
+USUAL_ROWS = 100_000  # evenly spaced, that show the usual force, and what gyroscopes usually do at rest
 TURNING = np.radians(1.0)  # rad/s off the usual level, more than the Earth's rate and any drift of a bias
 
 _LAST: list[tuple[list[weakref.ref[Array]], NDArray[np.int64]]] = []
@@ -88,7 +89,8 @@ def detect_rests(
     rates = rates or {}
     triads = [[*t.values()] for t in (channels, rates) if t]
     position = np.zeros(n, dtype=np.int64)
-    level = float(np.median(np.sqrt(sum(x * x for x in triads[0]))))
+    some = slice(None, None, max(1, n // USUAL_ROWS))
+    level = float(np.median(np.linalg.norm(_some_rows(triads[0], some), axis=1)))
     quiet_rate = 0.0 if raw else QUIET_RATE
     small = (QUIET_FORCE * level if gravity else quiet_rate, quiet_rate)
     vibration = MAX_NOISE_SHARE * level if gravity and len(channels) == 3 else np.inf
@@ -198,8 +200,11 @@ def _floor_of_most(floor: Array, variances: Sequence[Array], q: float) -> Array:
     """
     together = reduce(np.add, variances)
     quiet = together <= THRESHOLD * np.quantile(together, q)
-    usual = np.array([np.median(v[quiet]) for v in variances])
-    return np.where(usual > UNUSUAL_VARIANCE_RATIO * floor, usual, floor)
+    out = np.array(floor)
+    for c, v in enumerate(variances):
+        if 2 * np.count_nonzero(quiet & (v > UNUSUAL_VARIANCE_RATIO * floor[c])) > np.count_nonzero(quiet):
+            out[c] = np.median(v[quiet])
+    return out
 
 
 def _is_quiet(
@@ -325,16 +330,18 @@ def _turning_rows(rates: Sequence[Array], m: int, rest: NDArray[np.bool_], raw: 
 
     m: rows of a window.
     """
-    turned = np.zeros(len(rest), dtype=bool)
+    at_rest = np.flatnonzero(rest)
+    some = at_rest[:: max(1, len(at_rest) // USUAL_ROWS)]
+    windows = np.clip(some - m // 2, 0, len(rest) - m)  # those about these rows
+    turned = np.zeros(len(rest) - m + 1, dtype=bool)
     for x in rates:
         mean, variance = _window_statistics(x, m)
-        scatter = np.pad(np.sqrt(variance, out=variance), m // 2, mode="edge")
-        usual = float(np.median(scatter[rest]))
-        turned |= scatter > SHAKEN_SCATTER_RATIO * usual
-        level = np.pad(np.abs(mean - np.median(x[rest]), out=mean), m // 2, mode="edge")
-        slow = RAW_TURNING * float(np.median(level[rest])) if raw else TURNING
-        turned |= level > max(slow, SHAKEN_SCATTER_RATIO * usual)
-    return turned
+        shaken = SHAKEN_SCATTER_RATIO * float(np.median(np.sqrt(variance[windows])))
+        turned |= variance > shaken**2
+        level = np.abs(np.subtract(mean, np.median(x[some]), out=mean), out=mean)
+        slow = RAW_TURNING * float(np.median(level[windows])) if raw else TURNING
+        turned |= level > max(slow, shaken)
+    return np.pad(turned, m // 2, mode="edge")
 
 
 def _window_statistics(x: Array, m: int) -> tuple[Array, Array]:

@@ -221,4 +221,4 @@ def _arrays(frame: pl.DataFrame, whole: bool) -> Batch:
     n = frame.height
     while not whole and n and all(value is None for value in frame.row(n - 1)):
         n -= 1
-    return {name: frame[name][:n].to_numpy() for name in frame.columns}
+    return {each.name: each.to_numpy() for each in frame.head(n)}

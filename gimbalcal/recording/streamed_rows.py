@@ -80,7 +80,9 @@ class Blocks:
 
     def _changes(self, t: Array, begins: Array) -> Array:
         """Return where the next block begins by a growing clock t, or where a row begins anew."""
-        index = np.floor((t - self._starts(t, begins)) / self.length)
+        blocks = (t - self._starts(t, begins)) / self.length
+        index = np.rint(blocks)
+        index -= index > blocks  # the floor, which takes ten times as long
         new = begins.copy()
         new[0] |= index[0] != self.index
         new[1:] |= index[1:] != index[:-1]
