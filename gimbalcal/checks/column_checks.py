@@ -296,12 +296,12 @@ def at_maximum(y: Array) -> Array:
     return rows if len(others_below) else rows[:0]
 
 
-def at_end_of_range(y: Array) -> Array:
-    """Return in which rows (n,) any sensor of a triad y (n, 3) reads an end of its range, where several rows stand."""
-    both = [(sign, x, end) for x in y.T for sign, end in ((1, x.max()), (-1, x.min()))]
+def at_end_of_range(channels: Sequence[Array]) -> Array:
+    """Return in which rows (n,) any sensor of some (n,) reads an end of its range, where several rows stand."""
+    both = [(sign, x, end) for x in channels for sign, end in ((1, x.max()), (-1, x.min()))]
     several = [(sign, x, end) for sign, x, end in both if np.count_nonzero(x == end) >= MIN_AT_END]
     ends = [sign * end for sign, x, end in several if len(at_maximum(sign * x)) >= MIN_AT_END]
-    return np.asarray(np.isin(y, [*ends, *np.negative(ends)]).any(axis=1)) if ends else np.zeros(len(y), dtype=bool)
+    return np.any([np.isin(x, [*ends, *np.negative(ends)]) if ends else np.zeros(len(x), bool) for x in channels], 0)
 
 
 def runs_of(pieces: Sequence[Array], least: float) -> list[tuple[int, int]]:

@@ -128,8 +128,7 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
     if set(recording.axes(RATE)) != set(TRIAD):
         return None
     visits = dwells(recording)
-    y = recording.triad(RATE)
-    clipped = at_end_of_range(y)
+    clipped = at_end_of_range([recording.channels[RATE, axis] for axis in TRIAD])
     logged = [
         k
         for k, m in enumerate(moves_between_dwells(recording))
@@ -146,7 +145,7 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
         level = dwell_levels(recording, RATE)
         spans = [slice(visits[k].stop - 1, visits[k + 1].start + 1) for k in order]
         averaged = [
-            _mean_rates(recording.time[s], y[s] - (level[k] + level[k + 1]) / 2)
+            _mean_rates(recording.time[s], recording.triad(RATE, rows=s) - (level[k] + level[k + 1]) / 2)
             for k, s in zip(order, spans, strict=True)
         ]
         after = [k + 1 for k in order]

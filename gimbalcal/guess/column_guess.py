@@ -288,9 +288,10 @@ def _numbers_each_row(log: Log) -> bool:
 
 
 def _turns_each_row(force: Sequence[Array]) -> bool:
-    f = np.stack(filled_rows(force), axis=-1)
-    if not 2 < len(f) <= MAX_DWELLS:
+    filled = filled_rows(force)
+    if not 2 < len(filled[0]) <= MAX_DWELLS:
         return False
+    f = np.stack(filled, axis=-1)
     step, norm = np.linalg.norm(np.diff(f, axis=0), axis=1), np.linalg.norm(f, axis=1)
     alike = np.quantile(np.abs(norm / np.median(norm) - 1), 0.9) < MAX_NORM_SPREAD
     turns = np.mean(step > MIN_STEP * np.median(norm)) > 0.5

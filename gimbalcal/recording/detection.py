@@ -83,7 +83,7 @@ def detect_rests(
     where its quietest windows are those of a motion.
     """
     n = len(time)
-    step = float(np.median(np.diff(time))) if n > 1 else WINDOW
+    step = float(np.median(np.diff(time), overwrite_input=True)) if n > 1 else WINDOW
     if n < MAX_LONGER_WINDOWS * max(ROWS, round(WINDOW / step)) or not channels:
         return np.ones(n, dtype=np.int64)
     rates = rates or {}

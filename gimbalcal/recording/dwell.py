@@ -90,10 +90,10 @@ def moves_between_dwells(recording: Recording) -> tuple[MoveRows, ...]:
 
 def rests_are_means(recording: Recording) -> bool:
     """Return whether rows of rests are means and those on the way between them are not."""
-    p = recording.position
-    if p is None or np.all(p > 0) or not np.any(p > 0):
+    p, weight = recording.position, recording.weight
+    if p is None or np.all(p > 0) or not np.any(p > 0) or weight.max() <= MEANS * weight.min():
         return False
-    return bool(np.median(recording.weight[p > 0]) > MEANS * np.median(recording.weight[p == 0]))
+    return bool(np.median(weight[p > 0]) > MEANS * np.median(weight[p == 0]))
 
 
 def whole_means(recording: Recording) -> Recording:
@@ -110,7 +110,7 @@ def usual_step(recording: Recording) -> float:
     p = recording.position
     several = p is not None and np.count_nonzero(p == 0) > 1
     way = p == 0 if p is not None and several and rests_are_means(recording) else slice(None)
-    return float(np.median(np.diff(recording.time[way])))
+    return float(np.median(np.diff(recording.time[way]), overwrite_input=True))
 
 
 def dwell_means(recording: Recording) -> Recording:

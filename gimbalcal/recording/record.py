@@ -169,7 +169,7 @@ class Recording(Displayed):
     @property
     def step(self) -> float:
         """Return the usual time [s] from a row to the next."""
-        return float(np.median(np.diff(self.time)))
+        return float(np.median(np.diff(self.time), overwrite_input=True))
 
     @property
     def label(self) -> str:

@@ -96,7 +96,7 @@ def turns_between_rests(recording: Recording, accelerometers: Calibration) -> Tu
     logged = np.flatnonzero([not m.paused for m in every]) + 1
     if not len(logged):
         raise InputError(f"{recording.title!r} has no rows between its rests: log the turns too, for the gyroscopes")
-    clipped = at_end_of_range(y)
+    clipped = at_end_of_range([*y.T])
     whole = np.array([k for k in logged if not clipped[every[k - 1].rows].any()], dtype=np.int64)
     ends = whole if len(whole) else logged
     spans = [every[k - 1].rows for k in ends]
