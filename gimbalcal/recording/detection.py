@@ -72,15 +72,15 @@ def detect_rests(
     time: Array,
     channels: Mapping[str, Array],
     rates: Mapping[str, Array] | None = None,
-    raw: bool = False,
+    rate_unit: float = 1.0,
     gravity: bool = True,
 ) -> NDArray[np.int64]:
     """Return the position of each row, (n,): 1, 2, ... in order of time within rests, 0 elsewhere.
 
     time (n,) s; channels (n,) each, in any unit: only ratios of variances count. Accelerometers find the rests: in the
-    hand, a gyroscope is never at rest; `rates` (n,) each, in rad/s or `raw`, reject some of them. gravity: the three
-    channels are accelerometers. All rows are one rest where the recording is shorter than a few windows, none
-    where its quietest windows are those of a motion.
+    hand, a gyroscope is never at rest; `rates` (n,) each, in a `rate_unit` [rad/s], 0 where its size is not known,
+    reject some of them. gravity: the three channels are accelerometers. All rows are one rest where the recording is
+    shorter than a few windows, none where its quietest windows are those of a motion.
     """
     n = len(time)
     step = float(np.median(np.diff(time), overwrite_input=True)) if n > 1 else WINDOW
@@ -91,7 +91,7 @@ def detect_rests(
     position = np.zeros(n, dtype=np.int64)
     some = slice(None, None, max(1, n // USUAL_ROWS))
     level = float(np.median(np.linalg.norm(_some_rows(triads[0], some), axis=1)))
-    quiet_rate = 0.0 if raw else QUIET_RATE
+    quiet_rate = QUIET_RATE / rate_unit if rate_unit else 0.0
     small = (QUIET_FORCE * level if gravity else quiet_rate, quiet_rate)
     vibration = MAX_NOISE_SHARE * level if gravity and len(channels) == 3 else np.inf
     m, floor, variances = _longest_window(triads, n, step, small, (vibration, np.inf))
@@ -104,7 +104,7 @@ def detect_rests(
     del variances, v  # each is as large as a channel
     still = restless <= _threshold(m)
     if rates and still.any():
-        still &= ~_turning_rows(triads[1], m, still, raw)
+        still &= ~_turning_rows(triads[1], m, still, rate_unit)
     pause = np.diff(time, prepend=time[0])
     paused = pause > max(10 * step, PAUSE)
     starts, stops = _stretches(still, paused)
@@ -119,9 +119,9 @@ def detect_rests(
         moves = [motion(_some_rows(triads[0], slice(a, b))) for a, b in zip(starts, stops, strict=True)]
         kept &= np.array(moves) <= most
     kept &= mean <= UNUSUAL_VARIANCE_RATIO * np.median(mean[kept]) if kept.any() else True
-    same = (
-        _unmoved_stretches(triads, starts[kept], stops[kept], m, step, raw) if kept.any() else np.zeros(0, dtype=bool)
-    )
+    same = np.zeros(0, dtype=bool)
+    if kept.any():
+        same = _unmoved_stretches(triads, starts[kept], stops[kept], m, step, rate_unit)
     number = np.cumsum(~same | paused[starts[kept]])
     for start, stop, k in zip(starts[kept], stops[kept], number, strict=True):
         position[start:stop] = k
@@ -158,7 +158,9 @@ def with_rests(recording: Recording) -> Recording:
     arrays = (recording.time, *forces.values(), *rates.values())
     before = [each() for each in _LAST[0][0]] if _LAST else []
     if len(before) != len(arrays) or any(a is not b for a, b in zip(arrays, before, strict=True)):
-        position = detect_rests(recording.time, forces or rates, rates, recording.counted(RATE), bool(forces))
+        position = detect_rests(
+            recording.time, forces or rates, rates, 0.0 if recording.counted(RATE) else 1.0, bool(forces)
+        )
         _LAST[:] = [([weakref.ref(each) for each in arrays], position)]
     return replace(recording, position=_LAST[0][1].copy())
 
@@ -263,12 +265,13 @@ def _quantum(x: Array) -> float:
 
 def step_of_most_changes(x: Array) -> tuple[float, int]:
     """Return the least change of readings (n,) where most changes are as small, else 0; and how many rows change."""
-    changes = np.abs(np.diff(x))
-    changes = changes[changes > 1e-9 * np.ptp(x)]  # rounding of decimals is no step
-    if not len(changes):
-        return 0.0, 0
-    step = float(changes.min())
-    return step if 2 * np.count_nonzero(changes < 1.5 * step) > len(changes) else 0.0, len(changes)
+    changes = np.diff(x)
+    np.abs(changes, out=changes)
+    none = ~(changes > 1e-9 * np.ptp(x))  # rounding of decimals is no step
+    count = len(changes) - int(np.count_nonzero(none))
+    changes[none] = np.inf
+    step = float(changes.min(initial=np.inf))
+    return step if 2 * np.count_nonzero(changes < 1.5 * step) > count else 0.0, count
 
 
 def _chi_square(dof: float, z: float) -> float:
@@ -287,7 +290,7 @@ def _unmoved_stretches(
     stops: NDArray[np.int64],
     m: int,
     step: float,
-    raw: bool,
+    rate_unit: float,
 ) -> NDArray[np.bool_]:
     """Return which stretches (k,), of m rows at least, go on with the one before: knocked in between, but not turned.
 
@@ -297,7 +300,7 @@ def _unmoved_stretches(
     """
     force, rate = triads[0], triads[1] if len(triads) > 1 else ()
     out = np.zeros(len(starts), dtype=bool)
-    if rate and raw:
+    if rate and not rate_unit:
         return out
     for k in range(1, len(starts)):
         before, after = slice(stops[k - 1] - m, stops[k - 1]), slice(starts[k], starts[k] + m)
@@ -311,9 +314,9 @@ def _unmoved_stretches(
         if np.linalg.norm(means - level, axis=1).max() > shaken:
             continue
         if rate:
-            w, rows = _some_rows(rate, before), way.stop - way.start
-            turn = np.cumsum(_some_rows(rate, way) - w.mean(axis=0), axis=0) * step
-            random = THRESHOLD * float(w.var(axis=0).sum()) * step**2 * (rows + rows**2 / m)  # of the sum, and the mean
+            w, rows, angle = _some_rows(rate, before), way.stop - way.start, step * rate_unit
+            turn = np.cumsum(_some_rows(rate, way) - w.mean(axis=0), axis=0) * angle
+            random = THRESHOLD * float(w.var(axis=0).sum()) * angle**2 * (rows + rows**2 / m)  # of sum and mean
             if np.linalg.norm(turn, axis=1).max() > np.hypot(shaken / np.linalg.norm(level), np.sqrt(random)):
                 continue
         out[k] = True
@@ -325,7 +328,7 @@ def _some_rows(channels: Sequence[Array], which: slice) -> Array:
     return np.stack([x[which] for x in channels], axis=1)
 
 
-def _turning_rows(rates: Sequence[Array], m: int, rest: NDArray[np.bool_], raw: bool) -> NDArray[np.bool_]:
+def _turning_rows(rates: Sequence[Array], m: int, rest: NDArray[np.bool_], rate_unit: float) -> NDArray[np.bool_]:
     """Return rows (n,) in which a gyroscope is shaken or turns, measured against what it does in the rows of `rest`.
 
     m: rows of a window.
@@ -339,7 +342,7 @@ def _turning_rows(rates: Sequence[Array], m: int, rest: NDArray[np.bool_], raw: 
         shaken = SHAKEN_SCATTER_RATIO * float(np.median(np.sqrt(variance[windows])))
         turned |= variance > shaken**2
         level = np.abs(np.subtract(mean, np.median(x[some]), out=mean), out=mean)
-        slow = RAW_TURNING * float(np.median(level[windows])) if raw else TURNING
+        slow = TURNING / rate_unit if rate_unit else RAW_TURNING * float(np.median(level[windows]))
         turned |= level > max(slow, shaken)
     return np.pad(turned, m // 2, mode="edge")
 

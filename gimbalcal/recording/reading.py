@@ -171,9 +171,11 @@ def _rows(
     forces = [c for c in checks.sensors if c.quantity == "specific_force"]
     sensors = {c.name: table[c.name] for c in forces or checks.sensors}
     gyros = [c for c in checks.sensors if c.quantity == "angular_rate" and forces]
-    rates = {c.name: to_si(table[c.name], c.unit) for c in gyros}
-    raw = any(is_raw(c.unit) for c in gyros)
-    position = detect_rests(to_si(table[checks.clock.name], checks.clock.unit), sensors, rates, raw, bool(forces))
+    unit = gyros[0].unit if gyros else "rad/s"  # where columns have several units, others are converted
+    rates = {c.name: _in_unit(table[c.name], c.unit, unit) for c in gyros}
+    size = 0.0 if any(is_raw(c.unit) for c in gyros) else to_si(1.0, unit)
+    time = _in_unit(table[checks.clock.name], checks.clock.unit, "s")
+    position = detect_rests(time, sensors, rates, size, bool(forces))
     table[_DETECTED.name] = position
     count, dwells = int(position.max(initial=0)), int(np.count_nonzero(np.diff(position, prepend=0) * position))
     at = f" at {number_of(count, 'position')}" if count < dwells else ""
@@ -247,6 +249,11 @@ def _gather_rows(
     checks.scatter = dict(zip(measured, scatter.sigma(), strict=False))
     make_checks(checks, column_checks.CHECKS)
     return kept.table(), checks.scatter
+
+
+def _in_unit(values: Array, unit: str, wanted: str) -> Array:
+    """Return values in another unit, the same array where it is their own."""
+    return values if unit == wanted else from_si(to_si(values, unit), wanted)
 
 
 def _si(each: Column, values: Array) -> Array:

@@ -147,27 +147,28 @@ def test_slow_turns_on_a_table_are_no_rests():
     assert not position[430:].any()
 
 
-@pytest.mark.parametrize("raw", [False, True])
-def test_a_gyroscope_that_shakes_ends_a_rest(raw):
+@pytest.mark.parametrize("unit", [1.0, np.radians(1.0), 0.0])
+def test_a_gyroscope_that_shakes_ends_a_rest(unit):
     rng = np.random.default_rng(5)
     time, channels, edges = turned_by_hand(rng, 10, 50.0)
     rate = np.radians(0.05) * rng.standard_normal((len(time), 3)) + np.radians([0.9, -0.4, 0.1])
     start, stop = edges[4]
     rate[start:stop, 1] += np.radians(5.0) * rng.standard_normal(stop - start)  # too small for the accelerometers
-    gyros = dict(zip("xyz", rate.T, strict=True))
+    gyros = dict(zip("xyz", rate.T / (unit or 1.0), strict=True))
     assert detect_rests(time, channels).max() == 10
-    position = detect_rests(time, channels, gyros, raw)
+    position = detect_rests(time, channels, gyros, unit)
     assert position.max() == 9
     assert not position[start:stop].any()
 
 
-def test_a_turn_about_the_vertical_is_no_rest():
+@pytest.mark.parametrize("unit", [1.0, np.radians(1.0)])
+def test_a_turn_about_the_vertical_is_no_rest(unit):
     rng = np.random.default_rng(6)
     time, channels, edges = turned_by_hand(rng, 10, 50.0)
     rate = np.radians(0.05) * rng.standard_normal((len(time), 3)) + np.radians([0.9, -0.4, 0.1])
     start, stop = edges[6]
     rate[start : start + 100] += np.radians([0.0, 10.0, 0.0])
-    position = detect_rests(time, channels, dict(zip("xyz", rate.T, strict=True)))
+    position = detect_rests(time, channels, dict(zip("xyz", rate.T / unit, strict=True)), unit)
     assert position.max() == 10
     assert not position[start : start + 100].any()
     assert position[start + 150 : stop - 60].all()
@@ -395,7 +396,9 @@ def test_gyroscopes_alone_rest_while_their_bias_wanders_by_less_than_any_motion(
     gyros = dict(zip("xyz", rate.T, strict=True))
     time = np.arange(n) / 50.0
     assert (detect_rests(time, gyros, gyros, gravity=False) > 0).mean() > 0.8
-    assert (detect_rests(time, gyros, {a: 30 * x for a, x in gyros.items()}, raw=True, gravity=False) > 0).mean() < 0.5
+    assert (
+        detect_rests(time, gyros, {a: 30 * x for a, x in gyros.items()}, rate_unit=0.0, gravity=False) > 0
+    ).mean() < 0.5
 
 
 def test_units_do_not_matter():
