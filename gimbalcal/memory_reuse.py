@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import os
 import sys
 
 GC_THRESHOLD = 50_000  # objects between collections, which at the default take a tenth of a short command
@@ -16,8 +17,11 @@ def reuse_freed_memory() -> None:
     """Keep memory that arrays free for the arrays that follow, and collect garbage less often than by default.
 
     glibc returns freed memory to the system in small steps, and the system clears each page that it gives out again:
-    a tenth of the processor time of fits whose arrays are a few megabytes. Other C libraries keep their own way.
+    a tenth of the processor time of fits whose arrays are a few megabytes. Other C libraries keep their own way. NumPy,
+    which must not be imported before, asks for huge pages unless the user has said otherwise; where free memory is
+    scattered, the system moves others to make them: a sixth of the time of `new` with a log of 200 MB.
     """
+    os.environ.setdefault("NUMPY_MADVISE_HUGEPAGE", "0")
     gc.set_threshold(GC_THRESHOLD)
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:
