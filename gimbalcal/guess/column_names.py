@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from gimbalcal.guess.log import Guess
@@ -24,6 +24,7 @@ _TIME = re.compile(
     r"|hora|tiempo|tempo|ora|tijd|epoch|mjd|jd|yday|doy|jday|decimal_day|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds"
     r"|millis|milliseconds|micros|microseconds|nanos|nanoseconds|ms|us|ns|s|elapsed|seconds_elapsed)(_|$)"
 )
+AXES_OF_A_TRIAD = ("xyz", "012", "123", "456", "abc")
 _FORCE_WORDS = (
     "linear_acceleration|lin_acc|linacc|accelerometer_acceleration|accelerometer|acceleration|accelero|accel|accl|acc"
     "|beschleunigung|beschl|aceleracion|aceleracao|acelerometro|accelerazione|accelerometro|accelerometre"
@@ -313,13 +314,15 @@ def body_rates(names: dict[str, str]) -> dict[str, Guess]:
     }
 
 
-def differ_in_axis(triple: Sequence[str]) -> bool:
-    """Return whether three names differ in one letter or digit that counts on; mere numbers are no names."""
+def differ_in_axis(triple: Sequence[str], axes: Container[str] = AXES_OF_A_TRIAD) -> bool:
+    """Return whether three names differ in one letter or digit that counts on, as one of these axes do; mere numbers
+    are no names.
+    """
     a, b, c = (name.lower() for name in triple)
     if a.isdigit() or not len(a) == len(b) == len(c):
         return False
     at = [i for i, letters in enumerate(zip(a, b, c, strict=True)) if len(set(letters)) > 1]
-    return bool(at) and {a[i] + b[i] + c[i] for i in at} <= {"xyz", "012", "123", "456", "abc"}
+    return bool(at) and all(a[i] + b[i] + c[i] in axes for i in at)
 
 
 def axis_word(name: str) -> str:

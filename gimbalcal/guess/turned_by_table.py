@@ -168,7 +168,7 @@ def _axis_candidates(log: Log) -> dict[str, Array]:
     named = {n: log.columns[n] for n in log.names("gimbal_angle")}
     of_attitude = {n for _, names, _ in quaternions(log) for n in names}
     names = list(log.columns)
-    of_vector = {n for t in zip(names, names[1:], names[2:], strict=False) if differ_in_axis(t) for n in t}
+    of_vector = {n for t in zip(names, names[1:], names[2:], strict=False) if differ_in_axis(t, ("xyz",)) for n in t}
     others = of_attitude | of_vector  # of a magnetometer, which follows the turns as well
     unnamed = [n for n in log.unknown if n not in others and not is_estimated(n) and not _is_of_a_sensor(n)]
     candidates = {n: x for n, x in log.columns.items() if n in named or n in unnamed}

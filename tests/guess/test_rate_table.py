@@ -158,6 +158,16 @@ def test_a_magnetometer_that_turns_with_the_unit_is_no_angle_of_a_table(tmp_path
         propose_recording([log(tmp_path / "b.csv", g, **vector)])
 
 
+def test_encoders_by_number_are_angles(tmp_path):
+    """Three encoders that are counted, of which one turns: names of a vector end in x, y and z."""
+    angle = STEP * np.cumsum(profile())
+    g = felt(Platform("own", (Axis("table", "z"),)), angle[:, None])
+    rng = np.random.default_rng(3)
+    encoders = {f"enc{k}": x + rng.normal(0, 1e-3, len(angle)) for k, x in enumerate((0 * angle, angle, 0 * angle), 1)}
+    found = propose_recording([log(tmp_path / "a.csv", g, **encoders)])
+    assert found.guesses["enc2"].quantity == "gimbal_angle"
+
+
 def test_what_no_column_explains_is_said(tmp_path):
     angle = STEP * np.cumsum(profile())
     oblique = felt(
