@@ -63,7 +63,9 @@ def answer(
         return f"{no_cause(unexplained)}{largest_mismatch(mismatch)}"
     fits = [fit_in_words(v, fit, own, len(views) > 1) for v, fit, own in views if own or verdict == "adequate"]
     if verdict == "adequate":
-        return " ".join(["The calibrated model explains these data.", *fits])
+        untested = any(fit.untested for _, fit, _ in views)
+        verb = "is not contradicted by" if untested else "explains"
+        return " ".join([f"The calibrated model {verb} these data.", *fits])
     findings = [f for _, _, own in views for f in own]
     scale_known, sure = all(v.noise.scale_known for v, _, _ in views), verdict != "not-identifiable"
     instead = scale_known or all(f.probability < 0.5 for f in findings)  # the shape is there in the place of causes

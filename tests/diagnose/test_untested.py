@@ -100,6 +100,7 @@ def test_a_mount_is_not_tested_by_one_low_star_nor_where_no_effect_would_show(tm
     assert found.verdict == "adequate"
     golden_text(headline(found))
     assert found.outcome
+    assert found.in_words.startswith("The calibrated model is not contradicted by these data.")
 
 
 def test_elevations_on_a_common_step_show_no_worm_of_as_many_teeth(tmp_path):
