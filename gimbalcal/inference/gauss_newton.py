@@ -150,11 +150,15 @@ def _damped_step(
     constant = np.ones(len(x), dtype=bool) if bounds is None else np.isfinite(bounds[0])
     while True:
         new = np.where(constant, x + h * (target - x), target)
-        there = linearise(new)
-        if bounds is not None:
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # a step may leave the range of a model
+            there = linearise(new)
+        finite = bool(np.isfinite(there.rows).all())
+        if finite and bounds is not None:
             new = _conditional_solution(there, new[constant], constant, seen)
-        if chi2(there, new) <= before * (1 + ROUNDING_OF_CHI2) or h <= MIN_DAMPING:
+        if finite and (chi2(there, new) <= before * (1 + ROUNDING_OF_CHI2) or h <= MIN_DAMPING):
             return new, there if bounds is None else linearise(new)
+        if h <= MIN_DAMPING:
+            return x, info
         h /= 2
 
 

@@ -61,3 +61,21 @@ def test_constants_within_bounds_never_raise_chi2() -> None:
     expected = lsq_linear(J, y, bounds=(bounds[0], bounds[1]), tol=1e-14).x
     assert m.steps
     np.testing.assert_allclose(m.solution.x, expected, atol=1e-6)
+
+
+def test_a_step_beyond_the_range_of_the_model_is_shortened() -> None:
+    """The root of a length that may not be negative: the first step leads there."""
+    t = np.linspace(0.5, 1.5, 30)
+
+    def linearise(x: Array) -> Information:
+        model = np.sqrt(x[0] * t)
+        J = np.stack([t / (2 * model), 0 * t, 0 * t], axis=1)
+        return information(J, np.sqrt(0.04 * t) - model + J @ x, tuple(replace(p, sigma=1e3) for p in WANTED))
+
+    def arrived(_: int, x: Array, solution: Solution) -> bool:
+        return bool(np.all(np.abs(solution.x - x) <= 1e-9))
+
+    start = np.array([4.0, 0.0, 0.0])
+    m = gauss_newton(linearise, start, None, 1e-9, True, arrived, lambda _: False)
+    assert m.steps
+    np.testing.assert_allclose(m.solution.x[0], 0.04, rtol=1e-6)
