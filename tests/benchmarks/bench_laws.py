@@ -3,8 +3,8 @@
     python -m tests.benchmarks.bench_laws [--quick] [--jobs 2] [--rig RIG] [--sigma 30] [--only NAME]
                                           [--limit SECONDS] [--table] [ARM ...]
 
-Arms: 30, 15 and 60 (sigmas), fresh and last (laws written later, 30 sigmas), clean, and last2, which is run only where
-it is named; --quick leaves 15 and 60 out, and all but 24 of the clean recordings.
+Arms: 30, 15 and 60 (sigmas), fresh and last (laws written later, 30 sigmas), clean, and last2 and last3, each of which
+is run only where it is named; --quick leaves 15 and 60 out, and all but 24 of the clean recordings.
 --rig, --sigma and --only (the beginning of the name of a law or of a clean recording; each may be given more than once)
 choose among the runs; --limit starts no more of them after so many seconds; --table runs none. Every result is appended
 to out/bench_laws-<digest of the sources>.jsonl as it comes, and a run that is in the file is not done again: the tables
@@ -53,7 +53,7 @@ from tests.benchmarks.law_plants import (
     simulated,
     size_of,
 )  # fmt: skip
-from tests.benchmarks.law_set import CLEAN, FRESH, LAST, LAST_2, LAWS
+from tests.benchmarks.law_set import CLEAN, FRESH, LAST, LAST_2, LAST_3, LAWS
 
 STRENGTHS = (30.0, 15.0, 60.0)
 MOST_LEFT = 4.0  # sigmas
@@ -61,7 +61,7 @@ NEARLY = 1.1  # times the rms that the law itself leaves of a second recording
 SURE = 0.5  # probability from which a cause is claimed
 TABLE = re.compile(r"^table$|Abs\([^()]*\) - Abs\(")  # straight lines between knots, alone or in a product
 QUICK = 24  # clean recordings
-LATER = {"fresh": FRESH, "last": LAST, "last2": LAST_2}
+LATER = {"fresh": FRESH, "last": LAST, "last2": LAST_2, "last3": LAST_3}
 CLASSES = ("right", "close", "table", "poor", "shape", "unsure cause", "wrong cause", "adequate", "crash", "not shown",
            "unknown variable")  # fmt: skip
 
@@ -83,7 +83,7 @@ class Run:
     @property
     def hidden(self) -> Hidden:
         """The law."""
-        return {**LAWS, **FRESH, **LAST, **LAST_2, **CLEAN}[self.law]
+        return {**LAWS, **FRESH, **LAST, **LAST_2, **LAST_3, **CLEAN}[self.law]
 
 
 def runs(quick: bool) -> Iterator[Run]:
@@ -301,7 +301,7 @@ def chosen() -> tuple[list[Run], argparse.Namespace]:
     wanted = [
         run
         for run in runs(o.quick)
-        if (run.arm in o.arms if o.arms else run.arm != "last2")
+        if (run.arm in o.arms if o.arms else run.arm not in ("last2", "last3"))
         and (not o.rig or run.hidden.rig in o.rig)
         and (not o.sigma or run.sigmas in o.sigma)
         and run.law.startswith(tuple(o.only or ("",)))

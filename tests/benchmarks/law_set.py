@@ -307,6 +307,45 @@ LAST_2: dict[str, Hidden] = {
     "cable twists": Hidden("rate table", "y", lambda m: np.maximum(m.table - 6.0, 0.0), "table"),
 }  # fmt: skip
 
+# a third last set, from what engineers report of such rigs; nobody runs it before all else is finished
+LAST_3: dict[str, Hidden] = {
+    "rubber mounts swing in every dwell": Hidden(
+        "positions", "z", lambda b: np.exp(-b.since / 40.0) * np.cos(TURN * b.since / 55.0), "since_move"),
+    "epoxy creeps as a logarithm": Hidden(
+        "positions", "y", lambda b: b.ideal[:, 1] * np.log1p(b.since / 15.0), "force_y since_move"),
+    "gradient across the magnet": Hidden(  # a rate that is smooth in time, of a thermometer that scatters
+        "positions", "x", lambda b: np.gradient(b.body, b.t) * b.ideal[:, 0], "force_x temperature_rate", False),
+    "excitation of the resolver warms": Hidden(  # its two phases fall out of balance
+        "positions", "inner", lambda b: (b.body - 23.0) * np.sin(2 * b.read[:, 1]), "inner temperature"),
+    "cooler changes its sense": Hidden("static", "x", lambda r: np.abs(r.T - 22.2), "temperature"),
+    "sun in the window": Hidden(  # some hours of every day, of which two are two turns of the platform
+        "static", "z", lambda r: np.exp(4 * np.cos(TURN * (r.t / 86400.0 - 0.6)) - 4), "time|time_of_day", False),
+    "polymer relaxes": Hidden(  # a stretched exponential, as Kohlrausch has it
+        "static", "y", lambda r: np.exp(-np.sqrt(r.t / 9000.0)), "time"),
+    "squeezed film": Hidden("hand", "y", lambda h: h.f[:, 1] * np.abs(h.f[:, 2]), "force_y force_z"),
+    "comparator of the coarse range": Hidden("hand", "z", lambda h: step(h.f[:, 2], 0.4, 0.08), "force_z"),
+    "reference by supply and T": Hidden("hand", "gyro x", lambda h: (h.supply - 5.0) * (h.felt - 25.0),
+                                        "supply_voltage temperature", options=SUPPLY),
+    "unbalance softens": Hidden("hand", "gyro z", lambda h: h.f[:, 1] * (h.felt - 25.0), "force_y temperature"),
+    "current of all three loops": Hidden(  # one supply droops by the whole of the rate
+        "rotation", "gyro z", lambda m: np.linalg.norm(m.w, axis=1), "rate_x rate_y rate_z"),
+    "cross rate detunes": Hidden(  # the frequencies of a tuning fork part by the square
+        "rotation", "gyro x", lambda m: m.w[:, 0] * m.w[:, 2] ** 2, "rate_x rate_z"),
+    "electrode gap under load": Hidden("rotation", "gyro y", lambda m: m.w[:, 1] * np.abs(m.f[:, 0]),
+                                       "force_x rate_y"),
+    "friction wheel": Hidden(  # no whole number of its turns to one of the axis
+        "mount", "azimuth", lambda k: np.sin(4.6 * k.outer + 0.5), "azimuth"),
+    "mirror slides in its cell": Hidden("mount", "elevation", lambda k: step(k.inner, 0.85, 0.08),
+                                       "elevation|air_mass"),
+    "warm wall of the dome": Hidden("mount", "up", lambda k: (k.T - 12.0) * np.sin(k.outer - 0.5),
+                                    "azimuth temperature", options=DOME),
+    "voltage of the counter swings": Hidden("rate table", "z", lambda m: m.w[:, 2] * np.sin(TURN * m.t / 73.0),
+                                            "rate_z time"),
+    "brushes rectify": Hidden("rate table", "y", lambda m: np.abs(np.sin(1.5 * m.table + 0.3)), "table"),
+    "resonance of the fixture": Hidden(  # at one speed of the motor, either way about
+        "rate table", "x", lambda m: bump(np.abs(m.w[:, 2]), 0.9, 0.3), "rate_z"),
+}  # fmt: skip
+
 # a hundred in the noise of the plants, a hundred with an alien one; three quarters of an hour on one core
 CLEAN: dict[str, Hidden] = {
     f"clean {k}{kind and ', ' + kind}": Hidden(

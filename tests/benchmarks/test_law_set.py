@@ -20,7 +20,7 @@ from tests.benchmarks.law_plants import (
     size_of,
     variables,
 )
-from tests.benchmarks.law_set import CLEAN, FRESH, LAST, LAST_2, LAWS
+from tests.benchmarks.law_set import CLEAN, FRESH, LAST, LAST_2, LAST_3, LAWS
 
 
 def test_six_rigs_have_laws_of_every_sort():
@@ -28,14 +28,15 @@ def test_six_rigs_have_laws_of_every_sort():
     assert min(Counter(law.rig for law in LAWS.values())[rig] for rig in RIGS) >= 13
     assert sum(not law.determined for law in LAWS.values()) >= 10
     assert sum("noisy" in dict(law.options) for law in LAWS.values()) >= 10
-    assert len({**LAWS, **FRESH, **LAST, **LAST_2}) == len(LAWS) + len(FRESH) + len(LAST) + len(LAST_2)
+    sets = (LAWS, FRESH, LAST, LAST_2, LAST_3)
+    assert len({name for x in sets for name in x}) == sum(len(x) for x in sets)
     assert Counter("alien" in dict(clean.options) for clean in CLEAN.values()) == {False: 100, True: 100}
 
 
 def test_what_a_law_follows_is_in_its_recording():
     """Else what is said of it could not be judged."""
     known: dict[object, set[str]] = {}
-    for name, law in {**LAWS, **FRESH, **LAST, **LAST_2}.items():
+    for name, law in {**LAWS, **FRESH, **LAST, **LAST_2, **LAST_3}.items():
         kind = (law.rig, law.options, law.where.startswith("gyro"))
         if kind not in known:
             known[kind] = set(variables(simulated(3, law, 0.0)))
