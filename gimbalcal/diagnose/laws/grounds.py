@@ -11,7 +11,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import project, rows_like
-from gimbalcal.diagnose.laws.law_search import Ground, Place
+from gimbalcal.diagnose.laws.law_search import STAGE, Ground, Place
 from gimbalcal.diagnose.library.candidates import Candidate, Library, layout_of
 from gimbalcal.diagnose.library.shapes import MIN_TRAVEL_RAD, RIVAL_SIGMA, unknown_shape
 from gimbalcal.diagnose.library.variables import joined_variables, variables
@@ -23,7 +23,6 @@ from gimbalcal.views.core import Fit
 
 STRETCHES = 300  # in which a run, or a table, is looked at first
 SIX_SENSOR_STRETCHES = 150  # the same of six sensors at once
-CHANNEL = {Stage.SCALE: "specific_force", Stage.RATE_SCALE: "angular_rate", Stage.ENCODER: "gimbal_angle"}
 
 
 def equal_stretches(n: int, most: int = STRETCHES, group: Array | None = None) -> Array:
@@ -65,7 +64,7 @@ def _places(fit: Fit) -> list[Place]:
         sensors = [(q, a, partial(v.added, q, a)) for q in v.measurement.acts_on for a in "xyz"]
         return [Place(q, a, variables(s), s, block, columns) for q, a, columns in sensors]
     rows, out = fit.rows, list[Place]()
-    for stage, quantity in CHANNEL.items():
+    for quantity, stage in STAGE.items():
         if quantity not in v.measurement.acts_on or stage not in rows.seen:
             continue
         s, gimbals = rows.seen[stage], stage is Stage.ENCODER

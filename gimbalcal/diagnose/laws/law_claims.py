@@ -19,10 +19,11 @@ from gimbalcal.diagnose.evidence.stated_noise import nats_beyond_stated_scatter,
 from gimbalcal.diagnose.laws.expressions import Expression
 from gimbalcal.diagnose.laws.grounds import with_law
 from gimbalcal.diagnose.laws.law_curve import with_curves
-from gimbalcal.diagnose.laws.law_file import STAGES, found_law, printed_form
+from gimbalcal.diagnose.laws.law_file import found_law, printed_form
 from gimbalcal.diagnose.laws.law_search import (
     MIN_SHARE_OF_COLUMN,
     SAME_CORRELATION,
+    STAGE,
     Ground,
     Law,
     aliases,
@@ -546,7 +547,7 @@ def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool 
 
 def _columns(o: Fit, law: Law, e: Expression) -> Array:
     """Return what a unit of each coefficient adds to the reduced rows of a recording, (R, m)."""
-    stage = Stage[STAGES[law.channel]]
+    stage = STAGE[law.channel]
     names, X = o.view.stimulus.axis_names if stage is Stage.ENCODER else "xyz", e.on(o.rows.seen[stage]).columns
     added = [o.rows.added(stage, names.index(p.axis), X) for p in law.places]
     return np.asarray(o.reduced(np.concatenate(added, axis=-1)))

@@ -13,7 +13,7 @@ import numpy as np
 from gimbalcal.calibration import Calibration
 from gimbalcal.diagnose.answer import PRINTED
 from gimbalcal.diagnose.laws.expressions import Expression, Term, unit_as_factor
-from gimbalcal.diagnose.laws.law_search import JUMPS, Law
+from gimbalcal.diagnose.laws.law_search import JUMPS, STAGE, Law
 from gimbalcal.diagnose.result import Estimate, LawResult, LawTable
 from gimbalcal.effects import CATALOGUE
 from gimbalcal.number import Array
@@ -21,7 +21,6 @@ from gimbalcal.units import from_si, to_si
 from gimbalcal.views.core import View
 
 MAX_ALTERNATIVES = 6  # in print
-STAGES = {"specific_force": "SCALE", "angular_rate": "RATE_SCALE", "gimbal_angle": "ENCODER"}
 SIGMAS, FARTHEST = 3.0, 5.0  # of a constant that a fit may look through, and times its size at the most
 HEAD = '''"""Laws that no catalogue holds, as `gimbalcal diagnose` found them: any command takes --effects law.py."""
 
@@ -335,8 +334,9 @@ def _class(
     law: Law, description: LawText, each: Sequence[tuple[Estimate, ...]], domain: Mapping[str, tuple[float, float]],
     effect: str, latex: str, title: str, turning: bool,
 ) -> str:  # fmt: skip
-    """Return the law as a class of law.py, with a size for each of its axes; turning: the rests before and after a turn
-    have taken off what it adds there.
+    """Return the law as a class of law.py, with a size for each of its axes.
+
+    turning: whether it was found in turns, from whose rates the level of the rests before and after them is taken off.
     """
     axes, s, of_gimbals = tuple(p.axis for p in law.places), law.places[0].stimulus, law.channel == "gimbal_angle"
     fields = []
@@ -367,7 +367,7 @@ def _class(
     return CLASS.format(
         name="".join(w.capitalize() for w in effect.split("_")), title=" ".join(re.findall(r"[\w.,:;+-]+", title)),
         latex=latex, id=effect, variables=", ".join(v.name for v in law.expression.variables),
-        stage=STAGES[law.channel], channel=law.channel,
+        stage=STAGE[law.channel].name, channel=law.channel,
         kinds=("pointing",) if s.true_angle is not None else ("multi-position", "static-run", "rotation"),
         needs=tuple(dict.fromkeys(v.needs for v in law.expression.variables if v.needs)), fields="\n".join(fields),
         domain="\n".join(limits), methods=SINCE_REST + added if turning else added,

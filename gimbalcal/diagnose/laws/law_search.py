@@ -43,7 +43,7 @@ from gimbalcal.diagnose.laws.expressions import (
     terms_of_variable,
 )
 from gimbalcal.diagnose.library.variables import Variable
-from gimbalcal.effects import Stimulus
+from gimbalcal.effects import Stage, Stimulus
 from gimbalcal.inference.algebra import beyond, orthonormal, orthonormal_columns
 from gimbalcal.inference.levenberg import minimise
 from gimbalcal.number import Array
@@ -56,6 +56,8 @@ LATTICE_SIZES = 0.75 ** np.arange(12)  # of the first step of a constant, from o
 DIFFERENCE = 1e-4  # of the first step of a constant: for derivatives
 SETTLED, GAIN, MOST_STEPS = 1e-3, 1e-6, 30  # of the first step, and of the misfit, at which a refinement has arrived
 CHUNK = 100  # families at a time
+# where a law is added: to what a sensor feels, as it is before the scale factor
+STAGE = {"specific_force": Stage.SCALE, "angular_rate": Stage.RATE_SCALE, "gimbal_angle": Stage.ENCODER}
 ROWS = 900  # rows of a recording on which expressions are compared
 MIN_SHARE_OF_COLUMN = 3e-2  # of a column: less left by the calibration is nothing to speak of
 MIN_RESPONSE = 1.0  # sigmas that one m/s^2, rad/s or rad makes: rows that respond less are those of no fit
