@@ -40,6 +40,7 @@ MIN_STAMPS = 10  # distinct values, at the least, of a clock without a name
 MIN_STANDING_ROWS = 10  # on average, in which the place of a station is repeated
 MIN_COUNT = 200.0  # whole numbers beyond this are counts
 MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbers
+MIN_SHARE_OF_TURN, MAX_SPREAD_OF_DISTANCE = 0.6, 0.05  # of gravity: half the range of each axis, and 90 % of the spread
 MIN_SHARE_OF_OFFSET = 0.03  # of the offset of a converter, which gravity is; steps of a reading at rest are less
 MAX_SHARE_OF_SPREAD = 0.2  # of that about zero, which the spread about an offset is
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
@@ -138,7 +139,7 @@ def _is_triad(triple: Sequence[str]) -> bool:
 
 def changes_direction(triple: Sequence[Array]) -> bool:
     """Return whether a vector points elsewhere now and then; one of no length points nowhere."""
-    triple = _some_rows(triple)
+    triple = _sampled_rows(triple)
     length = _length(triple)
     read = length > 0
     return bool(read.any()) and any(np.ptp(x[read] / length[read]) > MAX_GRAVITY_ERROR for x in triple)
@@ -158,7 +159,7 @@ def _decades_from_zero(triple: Sequence[Array]) -> int:
     return round(np.log10(max(level / max(scatter, 1e-300), 1.0)))
 
 
-def _some_rows(triple: Sequence[Array]) -> list[Array]:
+def _sampled_rows(triple: Sequence[Array]) -> list[Array]:
     """Return rows of a triad, evenly spaced, that show its usual numbers."""
     return [x[:: max(1, len(x) // MAX_SAMPLED_ROWS)] for x in triple]
 
@@ -235,7 +236,7 @@ def _unlike_gravity(triple: Sequence[Array], error: float = MAX_GRAVITY_ERROR) -
 
 def in_another_unit(triad: Sequence[Array], named: str) -> bool:
     """Return whether accelerometers x, y, z (n,) read the length of gravity throughout, but not in the unit named."""
-    triad = _some_rows(triad)
+    triad = _sampled_rows(triad)
     if not len(triad[0]):
         return False
     unlike, spread = _unlike_gravity(triad)
@@ -248,18 +249,11 @@ def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
 
     Where they point all ways about a centre farther from zero than any bias is, the length says nothing.
     """
-    triad = _some_rows(triad)
+    triad = _sampled_rows(triad)
     lengths = _length(triad)
     length = float(np.median(lengths))
-    if len(triad) == 3 and len(lengths):
-        centre, size, _ = _sphere(triad)
-        off_sphere = np.abs(_length([x - c for x, c in zip(triad, centre, strict=True)]) - size)
-        spread, about_zero = (float(np.quantile(x, 0.9)) for x in (off_sphere, np.abs(lengths - length)))
-        all_ways = min(float(np.ptp(x)) / 2 for x in triad) > 0.6 * size > MIN_SHARE_OF_OFFSET * length
-        constant = spread < MAX_GRAVITY_ERROR / 6 * size and spread < MAX_SHARE_OF_SPREAD * about_zero
-        if all_ways and constant and float(np.linalg.norm(centre)) > size:
-            at = ", ".join(f"{c:.4g}" for c in centre)
-            return "count", f"gravity is {size:.4g} about {at}: counts with an offset, which the calibration finds"
+    if offset := _offset_of_counts(triad, lengths):
+        return "count", offset
     for unit, size in GRAVITY.items():
         if abs(length / size - 1) < MAX_GRAVITY_ERROR:
             return unit, f"at rest the three together are {length:.4g}, and gravity is {size:.4g} {unit}"
@@ -274,6 +268,26 @@ def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
                 "range is another than the one that was read: counts, whose scale the calibration finds"
             )
     return "m/s^2", f"nothing shows it: together they are {length:.4g}, which gravity is in no common unit"
+
+
+def _offset_of_counts(triad: Sequence[Array], lengths: Array) -> str:
+    """Return what shows that accelerometers x, y, z (n,) count from an offset; empty where nothing does.
+
+    They point all ways about a centre farther from zero than gravity is long, and their distance from it is constant,
+    unlike their length (n,).
+    """
+    if len(triad) != 3 or not len(lengths):
+        return ""
+    centre, size, _ = _sphere(triad)
+    distance = _length([x - c for x, c in zip(triad, centre, strict=True)])
+    middle = float(np.median(lengths))
+    spread, about_zero = (float(np.quantile(np.abs(x), 0.9)) for x in (distance - size, lengths - middle))
+    all_ways = min(float(np.ptp(x)) / 2 for x in triad) > MIN_SHARE_OF_TURN * size > MIN_SHARE_OF_OFFSET * middle
+    constant = spread < min(MAX_SPREAD_OF_DISTANCE * size, MAX_SHARE_OF_SPREAD * about_zero)
+    if not (all_ways and constant and float(np.linalg.norm(centre)) > size):
+        return ""
+    at = ", ".join(f"{c:.4g}" for c in centre)
+    return f"gravity is {size:.4g} about {at}: counts with an offset, which the calibration finds"
 
 
 def _full_scale(x: Array) -> float:
