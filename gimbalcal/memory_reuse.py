@@ -19,7 +19,7 @@ def reuse_freed_memory() -> None:
     glibc returns freed memory to the system in small steps, and the system clears each page that it gives out again:
     a tenth of the processor time of fits whose arrays are a few megabytes. Other C libraries keep their own way. NumPy,
     which must not be imported before, asks for huge pages unless the user has said otherwise; where free memory is
-    scattered, the system moves others to make them: a sixth of the time of `new` with a log of 200 MB.
+    scattered, the system moves other pages to make them.
     """
     os.environ.setdefault("NUMPY_MADVISE_HUGEPAGE", "0")
     gc.set_threshold(GC_THRESHOLD)

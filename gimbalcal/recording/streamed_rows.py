@@ -80,9 +80,7 @@ class Blocks:
 
     def _changes(self, t: Array, begins: Array) -> Array:
         """Return where the next block begins by a growing clock t, or where a row begins anew."""
-        blocks = (t - self._starts(t, begins)) / self.length
-        index = np.rint(blocks)
-        index -= index > blocks  # the floor, which takes ten times as long
+        index = np.floor((t - self._starts(t, begins)) / self.length)
         new = begins.copy()
         new[0] |= index[0] != self.index
         new[1:] |= index[1:] != index[:-1]
