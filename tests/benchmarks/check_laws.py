@@ -19,7 +19,7 @@ from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from tests.benchmarks.collecting import say
 from tests.benchmarks.law_plants import RIGS, SECOND, Hidden, excess, simulated, size_of, variables
-from tests.benchmarks.law_set import FRESH, LAST, LAST_2, LAST_3, LAWS
+from tests.benchmarks.law_set import EVERY_LAW
 
 SIGMAS, PIECES = 30.0, 8
 
@@ -93,7 +93,7 @@ def main() -> None:
     parser.add_argument("--rig", choices=RIGS)
     wanted = parser.parse_args()
     say(f"  {'':62} sigmas  fitted   second, with it   own  another variable")
-    for name, law in {**LAWS, **FRESH, **LAST, **LAST_2, **LAST_3}.items():
+    for name, law in EVERY_LAW.items():
         if wanted.rig in (None, law.rig) and name.startswith(tuple(wanted.laws) or ""):
             say(checked(name, law))
 

@@ -346,6 +346,8 @@ LAST_3: dict[str, Hidden] = {
         "rate table", "x", lambda m: bump(np.abs(m.w[:, 2]), 0.9, 0.3), "rate_z"),
 }  # fmt: skip
 
+EVERY_LAW = {**LAWS, **FRESH, **LAST, **LAST_2, **LAST_3}
+
 # a hundred in the noise of the plants, a hundred with an alien one; three quarters of an hour on one core
 CLEAN: dict[str, Hidden] = {
     f"clean {k}{kind and ', ' + kind}": Hidden(

@@ -20,7 +20,7 @@ from tests.benchmarks.law_plants import (
     size_of,
     variables,
 )
-from tests.benchmarks.law_set import CLEAN, FRESH, LAST, LAST_2, LAST_3, LAWS
+from tests.benchmarks.law_set import CLEAN, EVERY_LAW, FRESH, LAST, LAST_2, LAST_3, LAWS
 
 
 def test_six_rigs_have_laws_of_every_sort():
@@ -36,7 +36,7 @@ def test_six_rigs_have_laws_of_every_sort():
 def test_what_a_law_follows_is_in_its_recording():
     """Else what is said of it could not be judged."""
     known: dict[object, set[str]] = {}
-    for name, law in {**LAWS, **FRESH, **LAST, **LAST_2, **LAST_3}.items():
+    for name, law in EVERY_LAW.items():
         kind = (law.rig, law.options, law.where.startswith("gyro"))
         if kind not in known:
             known[kind] = set(variables(simulated(3, law, 0.0)))
