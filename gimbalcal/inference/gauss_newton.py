@@ -21,7 +21,7 @@ from gimbalcal.number import Array
 MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next value of its grid 6
 MAX_QUADRATIC_STEPS = 10  # after which a step that lowers chi^2 by no more than rounding is the last
 MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
-AT_END = 1e-9  # of its range, from an end of which a constant does not leave
+AT_END = 1e-9  # share of the range of a constant: nearer to an end it is there
 ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
 
 Linearise = Callable[[Array], Information]
@@ -95,10 +95,11 @@ def solve_about(info: Information, x: Array, bounds: Array | None, seen: float) 
 
 
 def _step_within(room: Array, A: Array, z: Array, seen: float) -> Array:
-    """Return the step (q,) that solves A step = z, shortened to the room (2, q) below and above.
+    """Return the step (q,) of constants that solves A step = z by least squares, within the room (2, q) to their ends.
 
-    What is at its end and would leave stays, and the others are solved without it. The direction is kept, as clipping
-    each by itself need not lower chi^2.
+    A (R, q) and z (R,) are in units of noise; seen: as in `solve`. A constant that is at its end and would leave it
+    stays there, and the others are solved without it. The step is then shortened as a whole: chi^2 falls in its
+    direction, and need not do so where each constant is clipped by itself.
     """
     moves = np.ones(A.shape[1], dtype=bool)
     while True:

@@ -70,10 +70,8 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording], more: Sequence[ExtraE
     recording turned about is not estimated and named. Raises InputError without rates or angles of a rig, where nothing
     turns steadily, and where counts are of an axis that was never turned.
     """
-    table = on_a_table(recordings)
-    if more:
-        parts = on_a_table(recordings, divided=True)
-        table = parts if _change_within_stretches(parts.view, more) else table
+    parts = on_a_table(recordings, divided=True) if more else None
+    table = parts if parts and _change_within_stretches(parts.view, more) else on_a_table(recordings)
     linear = table.linear
     sizes = [p for e in more for p in e.parameters(()) if (p.effect, p.axis) not in table.view.gauge]
     if lost := next((e.effect for e in more if e.effect not in {p.effect for p in sizes}), ""):
@@ -90,7 +88,7 @@ def gyroscopes_on_a_table(recordings: Sequence[Recording], more: Sequence[ExtraE
 def _change_within_stretches(parts: View, more: Sequence[ExtraEffect]) -> bool:
     """Return whether what some of these effects add changes within a stretch, as it does with the angle of the table.
 
-    The means of whole stretches have the scatter from one to the next in them, which is known better there.
+    Whole stretches are taken where nothing does, as they show how the biases scatter from one stretch to the next.
     """
     mean = np.equal.outer(np.unique(parts.groups), parts.groups).astype(float)
     mean /= mean.sum(axis=1, keepdims=True)
@@ -223,9 +221,8 @@ def _fit_with_supported_terms(
             return f"{term} is left out: it takes more rates, both ways round"
         fit = _fit(view, more, linear.effects)
         clear_of = needed_significance(len(parameters_of_effects(FURTHER_TERMS)), fit.dof_of_scatter)
-        return (
-            refusal_sentence(term, f"{len(np.unique(view.groups))} stretches", without, fit, "rad/s", clear_of) or fit
-        )
+        data = f"{len(np.unique(view.groups))} stretches"
+        return refusal_sentence(term, data, without, fit, "rad/s", clear_of) or fit
 
     fits, declined = select_terms(BASE, linear, [t for t in FURTHER_TERMS if t not in requested], attempt)
     return fits[-1][1], declined

@@ -56,7 +56,7 @@ def run(along, seed = 1, *, noise = 0.02 * DEG, tilt = None, asymmetry = 0.0,
     return Recording("rotation", f"{along} up", platform, Site(LATITUDE, 0.0, 9.81), {}, t, None, channels)
 
 
-OWN = '''"""Effects of a user: an error of the poles of a motor, and a current that is switched."""
+OWN = '''"""An effect of a user: a torque of the poles of a motor, and a current that is switched."""
 
 import numpy as np
 
@@ -65,36 +65,22 @@ from gimbalcal.number import Array
 
 
 @effect
-class OwnPoles(Effect):
-    r"""Torque of the poles of a motor. .. math:: a sin 8 theta. Source: own. Magnitude: 50 deg/h. Seen by: angle."""
+class OwnMotor(Effect):
+    r"""Poles and switch of a motor. .. math:: a sin 8 theta + b s. Source: own. Magnitude: 50 deg/h. Seen by: time."""
 
-    id = "own_poles"
-    says = "{who} follows the poles of the motor, by {size}"
+    id = "own_motor"
+    says = "{who} follows the motor, by {size}"
     stage = Stage.GYROSCOPE
     channel = "angular_rate"
     kinds = ("rotation",)
     a: Array = parameter(("x", "y", "z"), unit="deg/h", sigma=100.0, name="own_poles")
+    b: Array = parameter(("x", "y", "z"), unit="deg/h", sigma=100.0, name="own_switch")
 
     def contribution(self, s: Stimulus) -> Array:
-        """Eight cycles in a turn."""
+        """Eight cycles in a turn, and seven seconds of a cycle."""
         angle = s.angle[:, -1] if s.angle.shape[1] else 0 * s.time
-        return self.a * np.sin(8 * angle)[..., None]
-
-
-@effect
-class OwnSwitch(Effect):
-    r"""A current that is switched. .. math:: a sign(t). Source: own. Magnitude: 50 deg/h. Seen by: time."""
-
-    id = "own_switch"
-    says = "{who} follows the switch, by {size}"
-    stage = Stage.GYROSCOPE
-    channel = "angular_rate"
-    kinds = ("rotation",)
-    a: Array = parameter(("x", "y", "z"), unit="deg/h", sigma=100.0, name="own_switch")
-
-    def contribution(self, s: Stimulus) -> Array:
-        """Seven seconds of a cycle."""
-        return self.a * np.where(np.mod(s.time / 7.0, 1.0) < 0.5, 1.0, -1.0)[..., None]
+        switch = np.where(np.mod(s.time / 7.0, 1.0) < 0.5, 1.0, -1.0)
+        return self.a * np.sin(8 * angle)[..., None] + self.b * switch[..., None]
 '''
 
 
@@ -183,11 +169,12 @@ def test_what_changes_within_a_stretch_is_fitted_within_it():
         ("angular_rate", "y"): r.channels["angular_rate", "y"] + wave,
     })  # fmt: skip
     with temporarily_loaded("own.py", OWN):
-        made = calibrate([r], more=["own_poles:z", "own_switch:y"])
-    found = {e.parameter.name: e for e in made.estimates}
-    for name, truth in (("own_poles", 50.0), ("own_switch", 40.0)):
-        assert abs(found[name].value - truth) < 4 * found[name].sigma
-        assert found[name].sigma < 0.1 * truth
+        made = calibrate([r], more=["own_motor:y", "own_motor:z"])
+    found = {(e.parameter.name, e.parameter.axis): e for e in made.estimates}
+    for (name, axis), truth in ((("own_poles", "z"), 50.0), (("own_switch", "y"), 40.0)):
+        own = found[name, axis]
+        assert abs(own.value - truth) < 4 * own.sigma
+        assert own.sigma < 0.1 * truth
     assert "16 stretches" in made.provenance.options.in_words
 
 
