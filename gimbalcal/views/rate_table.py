@@ -45,6 +45,7 @@ from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, horizontal_sigma
 BLOCK_S = 0.5  # s of a mean rate: no lag between readout and gyroscopes matters, and readouts hardly scatter
 PART_TURN = np.radians(10.0)  # rad of a part of a stretch, which is no longer than a block
 MAX_PARTS = 1000  # of a recording, unless it has more stretches
+INSTANTS = 4  # spread over each part, of which effects are averaged: what goes eight times round a turn was 5 % small
 MAX_RATE_CHANGE = 0.005  # of the fastest rate, from one block to the next
 MIN_RATE = np.radians(0.1)  # rad/s; a table that never turns faster stands
 MOUNTING_SIGMA_RAD = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
@@ -61,9 +62,9 @@ class Stretches:
     """Means over m stretches of steady turning of one recording, or over parts of stretches.
 
     reading: of the gyroscopes less the rate of the table, and its sigma, (m, 3) [rad/s]; rate (m, 3) [rad/s]; attitude
-    C_bp (m, 3, 3); time (m,) [s] of the middle; number (m,) of the stretch, from 1; angle (m, k) [rad], of the readouts
-    of parts, else None; up (3,): the vertical in the axes of the base, None where accelerometers do not determine it;
-    logged: means (m,) of temperature and other channels.
+    C_bp (m, 3, 3); time (m, p) [s] of p instants that are spread evenly over each; number (m,) of the stretch, from 1;
+    angle (m, p, k) [rad], of the readouts of parts, else None; up (3,): the vertical in the axes of the base, None
+    where accelerometers do not determine it; logged: means (m,) of temperature and other channels.
     """
 
     reading: Array
@@ -119,9 +120,11 @@ def stretches_of(r: Recording, divided: bool = False) -> Stretches:
         sigma,
         of_table,
         np.array([C[span].mean(0) for span in spans]),
-        r.time[ends].mean(axis=1),
+        _at_instants(r.time[ends].mean(axis=1), length),
         number,
-        _mean_angles(angles, spans) if divided else None,
+        _at_instants(_mean_angles(angles, spans), np.diff(np.unwrap(angles, axis=0)[ends], axis=1)[:, 0])
+        if divided
+        else None,
         _vertical_in_base(r),
         {key: np.array([x[span].mean() for span in spans]) for key, x in r.channels.items() if key[0] in FOLLOWED},
     )
@@ -208,6 +211,12 @@ def _mean_angles(angle: Array, spans: Sequence[slice]) -> Array:
     return np.asarray(mean - 2 * np.pi * np.round((mean - middle) / (2 * np.pi)))
 
 
+def _at_instants(mean: Array, change: Array) -> Array:
+    """Return what changes steadily by (m, ...) about a mean (m, ...) at `INSTANTS` of each part (m, p, ...)."""
+    share = (np.arange(INSTANTS) + 0.5) / INSTANTS - 0.5
+    return np.asarray(mean[:, None] + np.multiply.outer(share, change).swapaxes(0, 1))
+
+
 def _constant_rate_blocks(group: Array, rate: Array, tolerance: float) -> list[Array]:
     """Blocks that follow each other, cut where a slow change of the rate adds up to more than `tolerance`."""
     out, first = [], 0
@@ -242,7 +251,8 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
         reading.append(scale * (s.reading + s.rate) - known)
     first = replace(recordings[0], kind=ROTATION)
     still = replace(first.select(slice(0, 1)), platform=BENCH, position=None)
-    time = np.concatenate([s.time - r.time[0] for r, s in zip(recordings, stretches, strict=True)])
+    instants = np.concatenate([s.time - r.time[0] for r, s in zip(recordings, stretches, strict=True)])
+    time = instants.mean(axis=1)
     count = [len(s.time) for s in stretches]
     number = np.concatenate([s.number + sum(x.number[-1] for x in stretches[:k]) for k, s in enumerate(stretches)])
     session = np.repeat(np.arange(len(count)), count) if len(count) > 1 else None  # nobody knows the time between them
@@ -253,10 +263,12 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
         temperature=logged.get(("temperature", "")),
         covariates={name: x for (quantity, name), x in logged.items() if quantity == "covariate"},
     )
+    each = felt.select(np.repeat(np.arange(len(rate)), INSTANTS)).at(time=instants.ravel())
     angles = [s.angle for s in stretches if s.angle is not None]
     if len(angles) == len(stretches) and len({p.axis_names for p in platforms}) == 1:
-        angle = np.concatenate(angles)
-        felt = felt.at(angle=angle, readout=angle, axis_names=platforms[0].axis_names)
+        angle, names = np.concatenate(angles), platforms[0].axis_names
+        felt = felt.at(angle=angle.mean(axis=1), readout=angle.mean(axis=1), axis_names=names)
+        each = each.at(angle=np.concatenate(angle), readout=np.concatenate(angle), axis_names=names)
     y, names = np.concatenate(reading), ("horizontal rate",) * 2 + ("mounting",) * 3
     of_each = [nuisance(name, str(k + 1), "1", 1.0) for k in range(len(recordings)) for name in names]
     names = ("vertical rate", "foreshortening", *names[2:])
@@ -268,8 +280,12 @@ def rate_table(recordings: Sequence[Recording], stretches: Sequence[Stretches], 
         return bool(np.any(effect.contribution(turned) != 0))
 
     def rows_about(effects: Sequence[Effect]) -> Rows:
-        rows = linearise(BENCH, felt, effects, channels=RATES, read=y, stages=GYROSCOPE_STAGES)
+        read = np.repeat(y, INSTANTS, axis=0)
+        rows = linearise(BENCH, each, effects, channels=RATES, read=read, stages=GYROSCOPE_STAGES).reduced(means)
         return replace(rows, nuisance=N.reshape(len(rate), 3, -1))
+
+    def means(X: Array) -> Array:
+        return np.asarray(X.reshape(len(rate), INSTANTS, *X.shape[1:]).mean(axis=1))
 
     sigma = np.maximum(np.abs(scale) * np.concatenate([s.sigma for s in stretches]), MIN_RATE_SIGMA)
     return View(

@@ -63,12 +63,13 @@ def _places(fit: Fit) -> list[Place]:
         s, block = v.stimulus, equal_stretches(len(v.stimulus.time), SIX_SENSOR_STRETCHES)
         sensors = [(q, a, partial(v.added, q, a)) for q in v.measurement.acts_on for a in "xyz"]
         return [Place(q, a, variables(s), s, block, columns) for q, a, columns in sensors]
-    rows, out = fit.rows, list[Place]()
+    rows, out, n = fit.rows, list[Place](), len(v)
     for quantity, stage in STAGE.items():
         if quantity not in v.measurement.acts_on or stage not in rows.seen:
             continue
         s, gimbals = rows.seen[stage], stage is Stage.ENCODER
-        block = v.noise.block if len(v.noise.block) else equal_stretches(len(s.time), group=v.groups)
+        group = np.repeat(v.groups, len(s.time) // n)
+        block = v.noise.block if len(v.noise.block) else equal_stretches(len(s.time), group=group)
         names = v.stimulus.axis_names if gimbals else tuple("xyz")
         # the norm of the force shows each accelerometer, gravity after a turn each gyroscope
         own = {a for q, a in v.channels if q == quantity and a in names} or set(names)
