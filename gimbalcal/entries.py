@@ -45,6 +45,8 @@ def fields_of(value: Any) -> Json:
 
 def plain_json(value: Any) -> Any:
     """Return a value in the types of JSON."""
+    if isinstance(value, str):  # also a kind of recording, which is a string with fields
+        return str(value)
     if isinstance(value, Entry):
         return value.to_dict()
     if is_dataclass(value):

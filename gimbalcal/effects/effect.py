@@ -33,6 +33,7 @@ PLATFORM_AXES = ("equatorial_x", "equatorial_y", "polar")  # x, y, z of an inert
 GIMBALS = ("gimbals",)  # one entry per axis of the platform at hand
 SCALAR = ("",)
 MAX_EXTRAPOLATION = 0.05  # of the range in which a law was determined, by which another recording may leave it
+NEEDS = ("temperature", "angular_rate", "attitude", "position", "covariate")  # "attitude": gimbals, read or not
 EVERY_KIND = ("multi-position", "static-run", "rotation", "pointing")
 
 
@@ -173,7 +174,7 @@ class Effect:
     says: ClassVar[str] = ""  # what it does, in plain words: {who} is the sensor or axis, {size} how much
     stage: ClassVar[Stage]
     channel: ClassVar[str] = "specific_force"  # where it first shows
-    requires: ClassVar[tuple[str, ...]] = ()  # quantities a recording must carry for the effect to be a candidate
+    requires: ClassVar[tuple[str, ...]] = ()  # of `NEEDS`: what a recording must have for the effect to be a candidate
     kinds: ClassVar[tuple[str, ...]] = ("multi-position", "static-run", "rotation")
     sources: ClassVar[tuple[str, ...]] = ()  # keys of references.REFERENCES
     linear: ClassVar[bool] = True  # whether the contribution is linear in the parameters

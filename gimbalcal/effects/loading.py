@@ -24,6 +24,7 @@ import numpy as np
 from gimbalcal.effects.effect import (
     CATALOGUE,
     EVERY_KIND,
+    NEEDS,
     Domain,
     Effect,
     Stage,
@@ -190,6 +191,8 @@ def _missing_declaration(cls: type[Effect]) -> str:
         return f"says no stage; write stage = Stage.NAME with one of {', '.join(s.name for s in Stage)}"
     if wrong := [k for k in cls.kinds if k not in EVERY_KIND]:
         return f"names a kind of recording {wrong[0]!r}; there are {', '.join(EVERY_KIND)}"
+    if wrong := [need for need in cls.requires if need not in NEEDS and not need.startswith("covariate:")]:
+        return f"requires {wrong[0]!r}; an effect may require {', '.join(NEEDS)} or covariate:NAME"
     own = parameters(cls, GIMBALS, constants=True)
     if not any("." not in p.name for p in own):
         return "has no parameter; give it one with parameter(axes, unit=..., sigma=...)"
@@ -236,7 +239,7 @@ def _law_breach(cls: type[Effect]) -> str:
     if cls.linear and np.abs(added(1.0) - at - exact).max() > 1e-9 * np.abs(at).max():
         return "is not linear in its parameters; make what enters otherwise a constant, or write linear = False"
     (sized,) = with_values([effect], wanted, x, GIMBALS)
-    return _by_force(sized, s) or _smooth_constants(sized, s)
+    return _by_force(sized, s) or _of_other_rows(sized, s) or _smooth_constants(sized, s)
 
 
 def _loses_derivative(added: Callable[[complex], Array], h: float, least: float) -> bool:
@@ -253,6 +256,23 @@ def _by_force(sized: Effect, s: Stimulus) -> str:
 
     if _loses_derivative(added, 1e-6, 1e-6 * float(np.abs(added(0.0)).max())):
         return "loses its derivative by the force; take absolute, sin, exp, ... from gimbalcal.number"
+    return ""
+
+
+def _of_other_rows(sized: Effect, s: Stimulus) -> str:
+    """Return whether the effect follows the force or the angle at other rows without saying so.
+
+    The platform turns first of all, by the force of its drawing, to which no other effect adds.
+    """
+    first = (np.arange(len(s.time)) < len(s.time) // 2)[:, None]
+    moved = s.at(force=s.force * (1 + 0.1 * first), angle=s.angle + 0.1 * first)
+    late, kept = (np.asarray(sized.contribution(each))[~first[:, 0]] for each in (moved, s))
+    if (
+        not sized.spans_rows
+        and sized.stage is not Stage.PLATFORM
+        and np.abs(late - kept).max() > 1e-9 * np.abs(kept).max()
+    ):
+        return "follows the force or the angle at other rows; write spans_rows = True"
     return ""
 
 

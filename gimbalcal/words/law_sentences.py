@@ -17,7 +17,7 @@ POWERS = {"**2": "²", "**3": "³"}
 SHOWN_KNOTS = 6  # of a table, in a sentence
 
 SEARCHING = "looking for a formula in what was recorded"
-SEARCHING_REPLACEMENT = "what was named leaves a residual: looking for a formula that leaves none"
+SEARCHING_REPLACEMENT = "comparing what was named with formulas in what was recorded"
 CAUSE_UNKNOWN = (
     "The calibration contains a formula whose physical cause is unknown, for the range in which it was found"
 )

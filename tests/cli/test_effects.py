@@ -149,6 +149,8 @@ LAG = (
         (changed("sigma=50", "sigma=0"), "has a parameter twist whose sigma (or range) is 0"),
         (changed("    stage = Stage.ACCELEROMETER\n", ""), "says no stage; write stage = Stage.NAME"),
         (changed('id = "twisted_spring"', 'id = "twisted spring"'), "has an id that is no name"),
+        (changed("    stage =", '    requires = ("gimbal_angle",)\n    stage ='), "requires 'gimbal_angle'; an effect"),
+        (changed("self.w *", "self.w * s.force[:, :1].mean() *"), "follows the force or the angle at other rows"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_one_sentence(text, said, own):

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimbalcal.entries import plain_json
 from gimbalcal.platform import BENCH, SPACE_STABLE
 from gimbalcal.recording import Recording, Site
 from gimbalcal.recording.kinds import HAND_TURNED, KINDS, MULTI_POSITION, Kind
@@ -23,6 +24,7 @@ def test_a_kind_is_its_name(name):
     assert kind == name
     assert f"{kind}" == name
     assert json.loads(json.dumps({"kind": kind})) == {"kind": name}
+    assert json.loads(json.dumps(plain_json({"kind": kind}))) == {"kind": name}
     for copied in (pickle.loads(pickle.dumps(kind)), copy.deepcopy(kind)):
         assert isinstance(copied, Kind)
         assert copied == kind
