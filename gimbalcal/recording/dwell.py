@@ -18,6 +18,7 @@ MEANS = 1.5  # times the samples of a row on the way: a row of a rest is a longe
 PAUSE_STEPS = 10.0  # usual steps: nobody knows how a unit turned while the clock paused for longer
 SAME_ATTITUDE = np.cos(np.radians(5.0))  # dwells that are closer than this are one attitude
 UP_AND_DOWN = 6  # attitudes, each of three axes up and down
+MIN_SHARE_OF_OFFSET, MIN_SHARE_OF_TURN = 0.03, 0.6  # of counts, which gravity is; of the widest axis' range
 MISSED_ROW_STEPS = 1.5  # times the usual step: a row is missing, and rows on both sides have no common middle
 
 
@@ -69,8 +70,15 @@ def in_several_attitudes(recording: Recording, fewest: int = 2) -> bool:
     """
     if not recording.has(FORCE) or visited_positions(recording) < 2:
         return False
-    known = recording.has(ANGLE) or len(recording.axes(FORCE)) < 3
-    return known or attitudes(dwell_means(recording).triad(FORCE)) >= fewest
+    if recording.has(ANGLE) or len(recording.axes(FORCE)) < 3:
+        return True
+    y = dwell_means(recording).triad(FORCE)
+    if recording.counted(FORCE):  # from an offset, where they point all ways about another middle than zero
+        low, high = y.min(axis=0), y.max(axis=0)
+        turned = MIN_SHARE_OF_TURN * np.max(high - low) < np.min(high - low)
+        if turned and np.mean(high - low) / 2 > MIN_SHARE_OF_OFFSET * np.linalg.norm(high + low) / 2:
+            y = y - (low + high) / 2
+    return attitudes(y) >= fewest
 
 
 @dataclass(frozen=True)

@@ -247,12 +247,14 @@ def test_the_command_writes_a_recording_that_can_be_corrected(command, capsys, t
     assert command("new", tmp_path / "none.csv") == 2
 
 
-@pytest.mark.parametrize("count", [3, 5, 6])
-def test_fewer_attitudes_than_a_calibration_takes_are_enough_for_noise(tmp_path, count):
+@pytest.mark.parametrize(("count", "zero"), [(3, 0.0), (5, 0.0), (6, 0.0), (6, 32768.0)])
+def test_fewer_attitudes_than_a_calibration_takes_are_enough_for_noise(tmp_path, count, zero):
+    """Counts about the middle of a converter's range all point one way."""
     rng = np.random.default_rng(4)
     faces = np.concatenate([np.eye(3), -np.eye(3)])[:count]
     f = np.concatenate([np.r_[np.tile(G * u, (300, 1)), rng.normal(0, G / 2, (60, 3))] for u in faces])
     f += rng.normal(0, 0.02, f.shape)
+    f = np.round(zero + 400 * f) if zero else f
     log = table(tmp_path / "a.csv", {"t": 0.01 * np.arange(len(f)), **{f"a{a}": f[:, i] for i, a in enumerate("xyz")}})
     found = propose_recording([log])
     assert len(dwells(found.recording)) == count
