@@ -32,6 +32,7 @@ MIN_STARS = 5  # two zeros are fitted to them
 MAX_SEPARATION_RAD = np.radians(5.0)  # median separation of readout and star that a mount may have
 RADIANS_OF_THE_SKY = 6.6  # as numbers: angles of a whole sky in radians are less, both axes
 MAX_TRUE_ANGLE_RAD = 4 * np.pi
+MANY_STEPS = 10.0  # of the readouts, by which a star goes on that a mount does not follow
 MIN_GAIN = 5.0  # ratio by which the right correction reduces the separation
 UNITS = {"rad": 1.0, "deg": np.pi / 180, "hours of 15 deg": np.pi / 12, "arcmin": np.pi / 10800}
 UNITS |= {"arcsec": np.pi / 648000}
@@ -51,13 +52,13 @@ class Sky:
         read, star = correction.of(ANGLE, self.read), correction.of(STAR, self.star)
         off = star - read
         zero = np.angle(np.median(np.cos(off), axis=0) + 1j * np.median(np.sin(off), axis=0))
-        looked, there = (self._direction(angle) for angle in (read + zero, star))
+        looked, there = (self.direction(angle) for angle in (read + zero, star))
         return _angle_between(looked, there), _angle_between(there, np.roll(there, 1, axis=0))
 
-    def _direction(self, angle: Array) -> Array:
+    def direction(self, angle: Array) -> Array:
         """Return where the innermost axis' x looks (n, 3), in axes of the base."""
         platform = self.recording.platform
-        angles = platform.angles({a: angle[:, i] for i, a in enumerate(self.axes)}, self.recording.time.shape)
+        angles = platform.angles({a: angle[:, i] for i, a in enumerate(self.axes)}, angle.shape[:1])
         return np.asarray(platform.attitude(angles)[..., 0, :])
 
 
@@ -116,6 +117,32 @@ def readouts_against_stars(e: Examined) -> str:
     )
 
 
+def mount_that_stands_still(e: Examined) -> str:
+    """Refuse rows in which the readouts stand still while the star moves by many of their steps: it was not followed.
+
+    A coarse readout lags behind by its own step; a mount that waits for a source, or is parked, by any angle.
+    """
+    if (sky := e.once(_sky)) is None:
+        return ""
+    still = np.all(sky.read[1:] == sky.read[:-1], axis=1)
+    first, stop = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2).T
+    if 2 * np.count_nonzero(still) < len(still):
+        return ""
+    levels = [np.diff(np.unique(x)) for x in sky.read.T]
+    step = max((float(d.min()) for d in levels if len(d)), default=0.0)
+    ends = (sky.direction(sky.star[rows]) for rows in (first, stop))
+    moved = 2 * np.arcsin(np.clip(np.linalg.norm(np.subtract(*ends), axis=-1) / 2, 0, 1))
+    left = moved > MANY_STEPS * step
+    rows = int(np.sum((stop - first + 1)[left]))
+    if 2 * rows < len(still):
+        return ""
+    return (
+        f"both readouts stand still in {rows} of {len(sky.read)} rows, row after row, while the star moves by up to "
+        f"{np.degrees(moved.max()):.3g} deg: the mount did not follow it, so that these rows are no sightings; leave "
+        "them out"
+    )
+
+
 def stars_within_a_small_patch(e: Examined) -> str:
     """Question angles in degrees that are all as small as those of a whole sky are in radians."""
     if (sky := e.once(_sky)) is None:
@@ -158,6 +185,7 @@ def _corrections(sky: Sky) -> Iterator[Correction]:
 
 CHECKS = (
     Check(true_angles_of_many_turns, SIGHTINGS),
+    Check(mount_that_stands_still, SIGHTINGS),
     Check(readouts_against_stars, SIGHTINGS),
     Check(stars_within_a_small_patch, SIGHTINGS, question=True),
 )

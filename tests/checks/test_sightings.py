@@ -67,3 +67,25 @@ def test_a_log_that_is_in_radians_altogether_is_asked_about():
     (said,) = refuse_implausible(r)
     golden_text(said)
     assert "radians" in said
+
+
+def followed(step_deg, parked):
+    """A mount that reads in steps and follows a source for an hour, and waits for it in a share of the rows."""
+    t = np.arange(720.0)
+    true = {"azimuth": np.radians(120 + 15 * t / 720), "elevation": np.radians(40 + 5 * t / 720)}
+    waits = np.floor(t / 120) * 120
+    at = np.where(t % 120 < parked * 120, waits, t).astype(int)
+    read = {axis: np.radians(step_deg) * np.round(x[at] / np.radians(step_deg)) for axis, x in true.items()}
+    made = mount(ALT_AZ)
+    channels = {("gimbal_angle", a): x for a, x in read.items()} | {("true_angle", a): x for a, x in true.items()}
+    return replace(made, time=5.0 * t, weight=np.ones(720), channels=channels, units=dict.fromkeys(channels, "deg"))
+
+
+def test_a_mount_that_waits_for_its_source_has_no_sightings():
+    with refused():
+        refuse_implausible(followed(0.01, parked=0.9))
+
+
+@pytest.mark.parametrize(("step", "parked"), [(0.01, 0.2), (0.3, 0.0), (1e-6, 0.0), (1.0, 0.0)])
+def test_readouts_that_follow_in_coarse_steps_are_sightings(step, parked):
+    assert refuse_implausible(followed(step, parked)) == ()
