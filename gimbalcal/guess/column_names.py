@@ -31,7 +31,7 @@ _FORCE_WORDS = (
     "|specific_force|spezifische_kraft|force|kraft|fs|fb|gf|f|a"
 )
 _RATE_WORDS = (
-    "angular_velocity|angular_rate|ang_vel|angvel|ang_v|ang_rate|gyro_rotation|rotation_rate|rot_rate|rotate|gyroscope|gyro|gyr|omega"
+    "angular_velocity|angular_rate|ang_vel|angvel|ang_v|ang_rate|gyro_rotation|rotation_rate|rot_rate|rotate|gyroscope|gyro|gyr|omega|angular"
     "|drehrate|winkelgeschwindigkeit|vitesse_angulaire|velocidad_angular|velocidade_angular|velocita_angolare"
     "|giroscopio|gyrometre|giro|rate|om|rot|wb|w|g"
 )
@@ -129,6 +129,7 @@ _UNITS = by_spelling(
     }
 )
 ANGLES = ("rad", "mrad", "deg", "mdeg", "gon", "arcmin", "arcsec")  # units of the angles of a rig or a mount
+ANGLE_WORDS = frozenset(["angle", "winkel", "theta", "phi"])
 _TURNED = ("rad", "deg", "mdeg")  # behind the name of a gyroscope: in a second
 _QUANTITY_OF_UNIT = {
     **dict.fromkeys(("m/s^2", "g", "mg", "ug", "Gal", "mGal", "ft/s^2"), FORCE),
@@ -186,9 +187,10 @@ def is_counter(name: str) -> bool:
 
 
 def states_other_unit(name: str) -> bool:
-    """Return whether a name states a unit in brackets that is not one of time: "yaw [deg]" grows, and is no clock."""
-    unit = unit_written(plain_name(name)) if re.search(r"[\[(]", name) else ""
-    return unit not in ("", "s", "ms", "us", "ns", "min", "h", "d")
+    """Return whether a name is an angle's, or states a unit in brackets that is not one of time: "yaw [deg]" grows."""
+    words = plain_name(name)
+    unit = unit_written(words) if re.search(r"[\[(]", name) else ""
+    return unit not in ("", "s", "ms", "us", "ns", "min", "h", "d") or bool(ANGLE_WORDS.intersection(words.split("_")))
 
 
 def is_anonymous(name: str) -> bool:

@@ -17,7 +17,15 @@ import numpy as np
 from gimbalcal.errors import InputError
 from gimbalcal.guess import clocks
 from gimbalcal.guess.celestial import angle_stated, latitude_column, sidereal, sidereal_hours
-from gimbalcal.guess.column_names import ANGLES, by_name, by_spelling, is_anonymous, plain_name, unit_written
+from gimbalcal.guess.column_names import (
+    ANGLE_WORDS,
+    ANGLES,
+    by_name,
+    by_spelling,
+    is_anonymous,
+    plain_name,
+    unit_written,
+)
 from gimbalcal.guess.gimbal_chain import encoder_angles
 from gimbalcal.guess.log import Guess
 from gimbalcal.guess.text_table import Table
@@ -56,8 +64,7 @@ _SKY = frozenset(["cos", "cosel", "cosdec", "cosalt", "x", "cross", "xel", "sky"
 _FUSED = re.compile(rf"^(?:(d|delta|off|err)|(x|dx|crs|cross))({'|'.join(sorted(_AXIS, key=len, reverse=True))})$")
 _COSINE = re.compile(r"\W*cos[\s_(]*(?:el|elev|elevation|dec|alt)\b\)?", re.IGNORECASE)
 _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
-_ANGLE_WORDS = frozenset(["angle", "winkel", "theta", "phi"])
-_READOUT = _ANGLE_WORDS | {"pos", "position", "counter", "resolver", "servo", "axis", "achse", "encoder"}
+_READOUT = ANGLE_WORDS | {"pos", "position", "counter", "resolver", "servo", "axis", "achse", "encoder"}
 MIN_JUMP_DEG, MIN_AROUND_DEG, MIN_UP_DEG = 1.0, 90.0, 30.0  # of azimuths and elevations of stars without names
 MIN_CORRELATION, MAX_COLUMNS = 0.98, 6  # of a readout and a measurement of one axis; columns of such a table
 MAX_RATIO = 1.25  # of two columns taken for angles of one axis, where one goes round or no name tells them from others
@@ -172,6 +179,12 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
             f"{path}: columns {first} and {second} go together, but {second} changes by {abs(ratio):.4g} where {first} "
             f"changes by 1, so at most one of them is {remedy}"
         )
+    if turns and not (signal or counts or any(units) or any(map(_is_readout, (first, second)))):
+        raise InputError(
+            f"{path}: columns {first} and {second} go together as the readout of an axis with its measurement does, "
+            f"but go over {np.ptp(angles[first]):.6g}, and nothing calls them angles; name them where they are, as "
+            "cmd_deg meas_deg"
+        )
     if signal:
         read = np.asarray(np.polyval(np.polyfit(read, true, 1), read))
     time, remarks = (_seconds(clock, table), ()) if clock else in_order(path, len(read))
@@ -201,7 +214,7 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
 def _signal_along(angle: str, table: Table, clock: str) -> str:
     """Return the column of a signal that goes with an angle by name, where a table holds no others; else empty."""
     words, others = plain_name(angle), [n for n in table.columns if n not in (angle, clock)]
-    called = unit_written(words) in ANGLES or bool(_ANGLE_WORDS.intersection(words.split("_")))
+    called = unit_written(words) in ANGLES or bool(ANGLE_WORDS.intersection(words.split("_")))
     if not called or len(others) != 1 or ((g := by_name(others[0])) and g.quantity != "weight"):
         return ""  # counts are called as the number of samples is
     x = table.columns[others[0]]

@@ -110,6 +110,11 @@ def test_two_columns_without_names_of_other_scales_are_not_both_angles(tmp_path)
     command = np.linspace(-700.0, 700.0, 200)
     with refused():
         propose_recording([write(tmp_path / "t.csv", "-710.0,845.0", command, np.round(2100 + 1.77 * command))])
+    path = write(tmp_path / "mm.csv", "", command + 1000, np.round(1.002 * command + 1000))
+    with refused():  # a way in mm
+        propose_recording([path])
+    path = write(tmp_path / "deg.csv", "cmd_deg,meas_deg", command + 1000, np.round(1.002 * command + 1000))
+    assert propose_recording([path]).recording.channels["true_angle", "table"].max() > np.radians(1600)
     with refused():  # before a gear and behind it
         propose_recording([write(tmp_path / "g.csv", "imu_pitch_deg,motor_pitch_pos_deg", command / 20, command)])
     with refused():  # a place, in m
