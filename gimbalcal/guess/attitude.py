@@ -37,7 +37,8 @@ def quaternions(log: Log) -> Iterator[tuple[str, tuple[str, ...], float]]:
     for name in log.unknown:
         if is_anonymous(name):
             continue
-        if match := _COMPONENT.fullmatch(plain_name(re.sub(r"[\[(].*", "", name))):
+        match = _COMPONENT.fullmatch(plain_name(re.sub(r"[\[(].*", "", name)))
+        if match and "covariance" not in match["stem"]:  # a covariance is logged row by row: 1, 0, 0, 0
             stems.setdefault(match["stem"], {})[match["which"]] = name
     for stem, own in stems.items():
         letters = next((order for order in ("wxyz", "0123") if set(order) <= set(own)), "")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.guess import clocks
@@ -50,6 +51,7 @@ MIN_ELLIPSOID_ROWS, MAX_OFF_ELLIPSOID = 30, 0.02
 MIN_CLOCK_ROWS, MAX_RESTARTS = 20, 3  # of a clock without a name that begins again
 MAX_NUMBERED = 100  # rows that are numbered as positions although the force hardly turns: a count of samples has more
 MIN_REPEATED, MIN_READ_ROWS, UNLIKE_REPEATS = 0.4, 100, 3.0  # of the rows; others; times the usual number
+MAX_SHORT = 0.1  # rows of little force, of the number of those without any, which are lost readings then
 MIN_HELD_ROWS, MIN_PROBABILITY = 20, 1e-6  # equal rows of all sensors that may be held, and that chance leaves so
 
 
@@ -74,8 +76,13 @@ def guess_columns(path: Path, table: Table, rate: float, elsewhere: Set[str], un
     those of positions.
     """
     columns, signed = signed_counts(table.columns)
+    varying = [x for n, x in columns.items() if n not in table.dates and not np.all(np.diff(x) >= 0)]
+    if (lost := _lost_rows(varying)).any():
+        columns = {n: x[~lost] for n, x in columns.items()}
     table = replace(table, columns=columns)
     notes = {"counts": f"{', '.join(signed)}: two's complement of 16 bits, logged without sign"} if signed else {}
+    rows = number_of(int(lost.sum()), "row")
+    notes |= {"lost": f"{rows} are left out, in which all sensors read zero"} if lost.any() else {}
     log, joined = _by_names(path, table)
     log, note = clocks.single_sensor(log)
     notes |= {"sensor": note} if note else {}
@@ -95,6 +102,8 @@ def guess_columns(path: Path, table: Table, rate: float, elsewhere: Set[str], un
     elif _numbers_each_row(log):  # a count of rows, whatever it is called
         log = log.without("position")
     log = _means_of_increments(_with_row_clock(path, log, rate, dwell_rows, table.rate))
+    log, note = _without_lost_rows(log)
+    notes |= {"lost": note} if note else {}
     log, note = _without_held_rows(log)
     notes |= {"held": note} if note else {}
     log, note = _without_repeated_rows(log)
@@ -209,6 +218,26 @@ def _timed_rows(log: Log) -> tuple[Log, str]:
     if timed.all():
         return log, ""
     return log.rows(timed), f"{np.count_nonzero(~timed)} of {len(timed)} rows have no time and are left out"
+
+
+def _lost_rows(columns: Sequence[Array]) -> NDArray[np.bool_]:
+    """Return in which rows (n,) three columns or more read zero, as where a packet was lost; none where most do.
+
+    A unit that falls freely, or whose gravity was taken off, reads little in other rows, too.
+    """
+    length = np.sqrt(np.sum(np.square(columns), axis=0)) if len(columns) >= 3 else np.ones(0)
+    lost = length == 0
+    read, rows = length[~lost], int(np.count_nonzero(lost))
+    short = np.count_nonzero(read < np.median(read) / 2) if rows and len(read) else 0
+    return lost if 2 * rows <= len(length) and short <= MAX_SHORT * rows else np.zeros_like(lost)
+
+
+def _without_lost_rows(log: Log) -> tuple[Log, str]:
+    """Return the log without rows in which all accelerometers read zero, and a note on them."""
+    lost = _lost_rows(log.values(FORCE))
+    if not lost.any():
+        return log, ""
+    return log.rows(~lost), f"{number_of(int(lost.sum()), 'row')} are left out, in which all accelerometers read zero"
 
 
 def _without_held_rows(log: Log) -> tuple[Log, str]:

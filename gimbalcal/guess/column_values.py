@@ -43,6 +43,7 @@ MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbe
 MIN_SHARE_OF_TURN, MAX_SPREAD_OF_DISTANCE = 0.6, 0.05  # of gravity: half the range of each axis, and 90 % of the spread
 MIN_SHARE_OF_OFFSET = 0.03  # of the offset of a converter, which gravity is; steps of a reading at rest are less
 MAX_SHARE_OF_SPREAD = 0.2  # of that about zero, which the spread about an offset is
+MAX_UNLIKE = 0.1  # of its length, which a filter changes of a vector
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
 _MATRIX = re.compile(r"(^|_)[a-z]?_?[0-3]_?[0-3](_|$)")  # elements of a matrix, M11, r_0_1
 _PLACE = re.compile(r"position|translation|displacement")  # in metres, whatever moves
@@ -79,6 +80,7 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
         at = names.index(forces[0][0])
         triples = [names[k : k + 3] for k in (*range(at + 3, len(names) - 2, 3), *range(at - 3, -1, -3))]
     rates = [t for t in triples if t not in forces[:1] and not _points_everywhere(values(t))] if forces else []
+    rates = [t for t in rates if not _same_vector(values(t), values(forces[0]))]
     rates.sort(key=lambda t: (not all(map(_returns_to_a_level, values(t))), _decades_from_zero(values(t))))
     out |= _triads(forces[:1], FORCE, lambda _: "", "three columns whose length hardly changes")
     return out | _triads(rates[:1], RATE, lambda _: "", "three columns with the forces")
@@ -201,6 +203,12 @@ def _points_everywhere(triple: Sequence[Array]) -> bool:
     widths = [float(np.ptp(x)) / 2 for x in triple]
     alike = spread < MAX_GRAVITY_ERROR / 6 and 0.6 * size < min(widths) <= max(widths) < 1.4 * size
     return alike and not all(map(_returns_to_a_level, triple))
+
+
+def _same_vector(triple: Sequence[Array], other: Sequence[Array]) -> bool:
+    """Return whether two triads hold the same vector, as before and behind a filter."""
+    apart = _length([x - y for x, y in zip(triple, other, strict=True)])
+    return bool(np.median(apart) < MAX_UNLIKE * np.median(_length(other)))
 
 
 def _rank_as_force(triple: Sequence[Array], aligned: bool) -> tuple[bool, bool, bool, float, float]:

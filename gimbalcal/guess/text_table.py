@@ -293,9 +293,25 @@ def _layout(head: Sequence[str]) -> TableLayout | None:
                 continue  # a blank within a cell is a separator where no names say otherwise
             best = max(best, (score, width, mark, first), key=lambda b: b[:2])
     score, width, mark, first = best
-    return (
-        TableLayout(mark, first, width, _names(head[:first], mark, width, _cells(head[first], mark))) if score else None
-    )
+    if not score:
+        return None
+    rows = [row for line in head[first:] if len(row := _cells(line, mark)) == width]
+    names = _names(head[:first], mark, width, rows[0])
+    if not names and (number := _number_of_rows(rows)) is not None:  # which a data frame writes without a name
+        others = [*rows[0][:number], *rows[0][number + 1 :]]
+        names = _names(head[:first], mark, width - 1, others)
+        names = (*names[:number], "", *names[number:]) if names else ()
+    return TableLayout(mark, first, width, names)
+
+
+def _number_of_rows(rows: Sequence[Sequence[str]]) -> int | None:
+    """Return which cell, the first or the last, numbers the rows one by one; None where neither does."""
+    for k in (0, len(rows[0]) - 1):
+        cells = [row[k].strip(" \"'") for row in rows]
+        whole = len(cells) > 2 and cells[0] in ("0", "1") and all(map(str.isdecimal, cells))
+        if whole and all(int(b) == int(a) + 1 for a, b in pairwise(cells)):
+            return k
+    return None
 
 
 def _cells(line: str, mark: str) -> list[str]:

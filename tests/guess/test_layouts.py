@@ -47,6 +47,55 @@ def test_rows_that_the_recorder_held_are_left_out(tmp_path):
     assert len(found.recording.time) == len(t) - 118
 
 
+@pytest.mark.parametrize("every", [True, False])
+def test_rows_that_were_lost_are_left_out(tmp_path, every):
+    """Packets that a receiver missed are zeros in all sensors, or in those behind a filter that had not begun."""
+    t, f, w = turned()
+    lost = np.arange(5, len(t), 57) if every else np.arange(20)
+    field = np.tile([0.4, 0.1, 0.3], (len(t), 1)) + np.random.default_rng(2).normal(0, 3e-3, f.shape)
+    for sensor in (f, w, field) if every else (f,):
+        sensor[lost] = 0.0
+    found = propose_recording([rows(tmp_path / "lost.csv", "", t, *f.T, *w.T, *field.T)])
+    assert found.notes["lost"].startswith(f"{len(lost)} rows are left out")
+    kept = np.setdiff1d(np.arange(len(t)), lost)
+    same(found, t[kept], f[kept], w[kept])
+
+
+def test_a_rocket_that_coasts_has_lost_no_rows(tmp_path):
+    """Nothing is felt in free fall, and hardly anything before and after it."""
+    rng = np.random.default_rng(3)
+    f = np.concatenate([rng.normal([0, 0, G], 0.05, (900, 3)), np.round(rng.normal(0, 0.06, (600, 3)), 1)])
+    f = np.concatenate([f, rng.normal([0, 0, G], 0.05, (900, 3))])
+    found = propose_recording([rows(tmp_path / "coast.csv", "t,ax,ay,az", 0.01 * np.arange(len(f)), *f.T)])
+    assert "lost" not in found.notes
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_column_without_a_name_that_numbers_the_rows_leaves_the_others_theirs(tmp_path, first):
+    t, f, w = turned()
+    names, number = "time_stamp acc_x acc_y acc_z angular_x angular_y angular_z", [str(k + 1) for k in range(len(t))]
+    columns = (number, t, *f.T, *w.T) if first else (t, *f.T, *w.T, number)
+    found = propose_recording([rows(tmp_path / "log.txt", names, *columns, mark=" ")])
+    same(found, t, f, w)
+    shorter = rows(tmp_path / "b.txt", "acc_x acc_y acc_z", t, *f.T, mark=" ")  # of which column no name is, is open
+    assert "1" in propose_recording([shorter]).guesses
+
+
+def test_the_same_vector_behind_a_filter_is_no_angular_rate(tmp_path):
+    t, f, _ = turned()
+    smooth = np.stack([np.convolve(x, np.ones(5) / 5, "same") for x in f.T], axis=1)
+    smooth[[0, 1, -2, -1]] = f[[0, 1, -2, -1]]
+    found = propose_recording([rows(tmp_path / "filtered.csv", "", t, *f.T, *smooth.T)])
+    assert not found.recording.has("angular_rate")
+
+
+def test_an_angle_that_grows_evenly_is_no_clock(tmp_path):
+    angle = np.arange(0.0, 360.0, 10.0)
+    f = 16000 * np.stack([np.sin(np.radians(angle)), np.cos(np.radians(angle)), 0.3 + 0 * angle], axis=1) + 200.0
+    found = propose_recording([rows(tmp_path / "t.csv", "angle_deg,raw_x,raw_y,raw_z", angle, *f.T)])
+    assert "angle_deg" in found.left_out
+
+
 @pytest.mark.parametrize("n", [150, 3000])
 def test_a_column_that_numbers_each_sample_is_no_column_of_positions(tmp_path, n):
     rng = np.random.default_rng(9)
@@ -842,3 +891,11 @@ def test_messages_of_ros_that_were_printed_are_a_table(tmp_path):
     path = tmp_path / "echo.txt"
     path.write_text("".join(message.format(*row) for row in each), encoding="utf-8")
     same(propose_recording([path]), t, f, w)
+
+
+def test_a_covariance_is_no_attitude(tmp_path):
+    t, f, w = turned()
+    head = "time,ax,ay,az,gx,gy,gz,orientation_covariance0,orientation_covariance1,orientation_covariance2"
+    unit = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+    found = propose_recording([rows(tmp_path / "ros.csv", f"{head},orientation_covariance3", t, *f.T, *w.T, *unit.T)])
+    assert "attitude" not in found.notes
