@@ -6,7 +6,7 @@ compared with every column of unknown content, as angle or rate in its usual uni
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 
@@ -20,6 +20,7 @@ from gimbalcal.guess.column_names import (
     axis_word,
     by_name,
     differ_in_axis,
+    is_anonymous,
     is_commanded,
     is_estimated,
     plain_name,
@@ -39,6 +40,7 @@ ANGLE_UNITS, RATE_UNITS_OF_TABLE = ("deg", "rad", "rev"), ("deg/s", "rad/s", "re
 MAX_MISFIT_RATIO = 0.7  # of a model with fewer axes, from which one more is believed in
 EQUAL_MISFIT_RATIO = 1.05  # of the smallest misfit: as good, and the simpler model is taken
 MAX_UNEXPLAINED = 0.9  # of what gyroscopes read, noise included; a column that leaves more fits by chance
+MAX_LENGTH_CHANGE = 0.3  # of a vector, of what its widest component changes by
 MIN_TRAVEL = 0.05  # rad, of an axis
 MIN_RATE_CHANGE = np.radians(0.5)  # rad/s, within which a drift moves gyroscopes that nothing turned
 
@@ -168,11 +170,23 @@ def _axis_candidates(log: Log) -> dict[str, Array]:
     named = {n: log.columns[n] for n in log.names("gimbal_angle")}
     of_attitude = {n for _, names, _ in quaternions(log) for n in names}
     names = list(log.columns)
-    of_vector = {n for t in zip(names, names[1:], names[2:], strict=False) if differ_in_axis(t, ("xyz",)) for n in t}
+    triples = tuple(zip(names, names[1:], names[2:], strict=False))
+    of_vector = {n for t in triples if differ_in_axis(t, ("xyz",)) or _is_vector(log, t) for n in t}
     others = of_attitude | of_vector  # of a magnetometer, which follows the turns as well
     unnamed = [n for n in log.unknown if n not in others and not is_estimated(n) and not _is_of_a_sensor(n)]
     candidates = {n: x for n, x in log.columns.items() if n in named or n in unnamed}
     return {n: x for n, x in candidates.items() if np.isfinite(x).mean() > 0.5 and np.nanmin(x) < np.nanmax(x)}
+
+
+def _is_vector(log: Log, names: Sequence[str]) -> bool:
+    """Return whether three columns without names hold a vector that turns and keeps its length, as a magnetometer's."""
+    if not all(n in log.unknown and is_anonymous(n) for n in names):
+        return False
+    x = np.stack([log.columns[n] for n in names])
+    x = x[:, np.isfinite(x).all(axis=0)]
+    if x.shape[1] < 2 or np.any(np.mean(np.diff(x) != 0, axis=1) < 0.5):  # a readout that stands still is no sensor's
+        return False
+    return bool(np.std(np.linalg.norm(x, axis=0)) < MAX_LENGTH_CHANGE * np.std(x, axis=1).max())
 
 
 def _is_of_a_sensor(name: str) -> bool:

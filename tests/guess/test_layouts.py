@@ -899,3 +899,18 @@ def test_a_covariance_is_no_attitude(tmp_path):
     unit = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
     found = propose_recording([rows(tmp_path / "ros.csv", f"{head},orientation_covariance3", t, *f.T, *w.T, *unit.T)])
     assert "attitude" not in found.notes
+
+
+def test_a_magnetometer_without_names_is_no_table_that_turns_the_unit(tmp_path):
+    """It turned by 9 deg where the gyroscopes felt 11, and one of its columns reads so in rad."""
+    rng, t = np.random.default_rng(8), 0.01 * np.arange(4000)
+    rate = np.where(t > 38, 0.15 * np.sin(np.pi * (t - 38) / 2), 0.0)
+    heading = np.cumsum(rate) * 0.01
+    force = rng.normal([0, 0, G], np.where(t > 38, 0.2, 0.02)[:, None], (len(t), 3))
+    gyro = rng.normal(0, 0.01, (len(t), 3))
+    gyro[:, 2] += rate
+    field = 0.8 * np.stack([np.cos(heading), np.sin(heading), -0.7 + 0 * t], axis=1) + rng.normal(0, 1e-3, force.shape)
+    made = rows(tmp_path / "mag.csv", "", t, *force.T, *gyro.T, *field.T)
+    assert not propose_recording([made], units={"angular_rate": "rad/s"}).recording.platform.axes
+    table = rows(tmp_path / "table.csv", "", t, *force.T, *gyro.T, heading + 1e-5 * rng.normal(0, 1, len(t)))
+    assert propose_recording([table], units={"angular_rate": "rad/s"}).recording.platform.axes
