@@ -21,6 +21,7 @@ from gimbalcal.recording.record import FORCE, RATE
 from gimbalcal.units import from_si
 
 SINC_LOBES = 8  # of the interpolating kernel, on either side
+SAME_TIME = 1e-6  # of a step
 MIN_RATE_RATIO = 1.5  # of two logs, from which rows of the faster one are averaged
 MAX_JITTER = 0.1  # of a step, up to which rows are evenly spaced
 DWELL_ROWS = "the rows: the force turns from each to the next"  # why they are numbered as positions
@@ -83,7 +84,8 @@ def resampled_readings(t: Array, t2: Array, x: Array) -> Array:
 
     Linear interpolation makes white noise up to sqrt(2) smaller, and sigma with it. So rows of one rate are
     interpolated by a sinc under a Lanczos window, and those of a faster log are averaged over a step of the slower
-    one about each of its times. Uneven rows are interpolated linearly.
+    one about each of its times. Uneven rows are interpolated linearly, and those at the same times are taken as they
+    are.
     """
     ratio = float(np.median(np.diff(t)) / np.median(np.diff(t2)))
     if ratio > MIN_RATE_RATIO:
@@ -94,9 +96,12 @@ def resampled_readings(t: Array, t2: Array, x: Array) -> Array:
         width = np.diff(edges)
         mean = np.diff(np.interp(edges, t2, total)) / np.where(width > 0, width, 1.0)
         return np.asarray(np.where(width > 0, mean, np.interp(t, t2, x)))
+    at = np.interp(t, t2, np.arange(len(t2), dtype=float))
+    row = np.rint(at).astype(int)
+    if np.all(np.abs(at - row) < SAME_TIME):  # rows of one stamp are copied, so that counts stay whole
+        return x[row]
     if clock_jitter(t2) > MAX_JITTER or not np.all(np.isfinite(x)) or len(t2) < 2 * SINC_LOBES:
         return np.interp(t, t2, x)
-    at = np.interp(t, t2, np.arange(len(t2), dtype=float))
     base = np.floor(at).astype(int)
     out, weight = np.zeros(len(t)), np.zeros(len(t))
     for k in range(1 - SINC_LOBES, SINC_LOBES + 1):

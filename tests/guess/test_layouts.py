@@ -367,6 +367,15 @@ def test_readings_of_a_second_log_keep_their_noise_and_are_not_made_up(tmp_path)
     assert r.title == "acc"
 
 
+def test_readings_of_a_second_log_with_the_same_stamps_stay_what_they_are():
+    """Counts of which one in a hundred thousand is not whole are none."""
+    rng = np.random.default_rng(2)
+    t = 0.01 * np.arange(300_000) + rng.uniform(-3e-4, 3e-4, 300_000)
+    counts = rng.integers(800, 65000, len(t)).astype(float)
+    np.testing.assert_array_equal(resampled_readings(t, t, counts), counts)
+    np.testing.assert_array_equal(resampled_readings(t[1000:2000] + 1e-12, t, counts), counts[1000:2000])
+
+
 def test_axes_before_their_sensor_letters_of_gravity_and_clocks_of_days(tmp_path):
     t, f, w = turned()
     counts = [*np.round(f.T / G * 1e3 / 0.061), *np.round(w.T * D / 0.01)]
