@@ -51,6 +51,7 @@ MIN_ELLIPSOID_ROWS, MAX_OFF_ELLIPSOID = 30, 0.02
 MIN_CLOCK_ROWS, MAX_RESTARTS = 20, 3  # of a clock without a name that begins again
 MAX_NUMBERED = 100  # rows that are numbered as positions although the force hardly turns: a count of samples has more
 MIN_REPEATED, MIN_READ_ROWS, UNLIKE_REPEATS = 0.4, 100, 3.0  # of the rows; others; times the usual number
+FIRST_ROWS = 1000
 MAX_SHORT = 0.1  # rows of little force, of the number of those without any, which are lost readings then
 MIN_HELD_ROWS, MIN_PROBABILITY = 20, 1e-6  # equal rows of all sensors that may be held, and that chance leaves so
 
@@ -76,7 +77,7 @@ def guess_columns(path: Path, table: Table, rate: float, elsewhere: Set[str], un
     those of positions.
     """
     columns, signed = signed_counts(table.columns)
-    varying = [x for n, x in columns.items() if n not in table.dates and not np.all(np.diff(x) >= 0)]
+    varying = [x for n, x in columns.items() if n not in table.dates and not _grows(x)]
     if (lost := _lost_rows(varying)).any():
         columns = {n: x[~lost] for n, x in columns.items()}
     table = replace(table, columns=columns)
@@ -225,11 +226,20 @@ def _lost_rows(columns: Sequence[Array]) -> NDArray[np.bool_]:
 
     A unit that falls freely, or whose gravity was taken off, reads little in other rows, too.
     """
-    length = np.sqrt(np.sum(np.square(columns), axis=0)) if len(columns) >= 3 else np.ones(0)
-    lost = length == 0
-    read, rows = length[~lost], int(np.count_nonzero(lost))
-    short = np.count_nonzero(read < np.median(read) / 2) if rows and len(read) else 0
-    return lost if 2 * rows <= len(length) and short <= MAX_SHORT * rows else np.zeros_like(lost)
+    if len(columns) < 3:
+        return np.zeros(0, dtype=bool)
+    lost = np.logical_and.reduce([x == 0 for x in columns])
+    rows = int(np.count_nonzero(lost))
+    if 0 < 2 * rows <= len(lost):
+        read = np.sqrt(sum(x[~lost] ** 2 for x in columns))
+        if np.count_nonzero(read < np.median(read) / 2) <= MAX_SHORT * rows:
+            return lost
+    return np.zeros_like(lost)
+
+
+def _grows(x: Array) -> bool:
+    """Return whether a column never falls, as a clock does; most that do fall do so within the first rows."""
+    return all(bool(np.all(part[1:] >= part[:-1])) for part in (x[:FIRST_ROWS], x))
 
 
 def _without_lost_rows(log: Log) -> tuple[Log, str]:
