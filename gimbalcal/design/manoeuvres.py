@@ -21,7 +21,9 @@ class Manoeuvre:
 
 
 def available_manoeuvres(recording: Recording) -> tuple[Manoeuvre, ...]:
-    """Manoeuvres for this kind of recording."""
+    """Manoeuvres for this kind of recording; none where it makes a view of its own, whose attitude no gimbal states."""
+    if recording.kind.view:
+        return ()
     hours = float(recording.time[-1] - recording.time[0]) / 3600.0
     if recording.kind.stabilised:
         return (Manoeuvre("let the run go on as long again", hours, _twice_as_long),)

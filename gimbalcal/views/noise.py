@@ -22,7 +22,8 @@ class NoiseModel:
     tails, of excess kurtosis `kurtosis`; scatter (C,) is that of the rows in units of the stated sigma, where there are
     rows enough. Rows are reduced without loss for slow physics: a dwell to the means of a few blocks, `block` (n,)
     being the ordinal of that of each row; without blocks, each channel to its orthonormal cosine transform, in which
-    white noise stays white and a random walk becomes diagonal.
+    white noise stays white and a random walk becomes diagonal: rows follow one another evenly, and what varies from one
+    to the next is noise.
 
     Else: sigma (n, C) is what the samples say of one row against another, where they do; sample (n, C) what their
     scatter alone makes of a row, which bounds the scale; wander (n, C, m) how what m sensors wander from row to row
@@ -54,6 +55,11 @@ class NoiseModel:
     def sensors_walk(self) -> bool:
         """Return whether random walks of sensors are among the noises."""
         return bool(self.single_walks or self.triad_walks)
+
+    @property
+    def in_blocks(self) -> bool:
+        """Return whether rows of a known scale are reduced to the means of blocks, not to their cosine transform."""
+        return bool(len(self.block))
 
     @property
     def starts(self) -> Array:
@@ -97,7 +103,7 @@ class NoiseModel:
         n, C, p = X.shape
         if not self.scale_known:
             return self.weighted(X).reshape(n * C, p)
-        if not len(self.block):
+        if not self.in_blocks:
             from scipy.fft import dct
 
             return np.asarray(dct(self.weighted(X), axis=0, norm="ortho")).reshape(n * C, p)

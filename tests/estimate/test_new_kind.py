@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gimbalcal import methods
+from gimbalcal.design.manoeuvres import available_manoeuvres
 from gimbalcal.diagnose import diagnose
 from gimbalcal.diagnose.joint_diagnosis import calibrated_views
 from gimbalcal.effects import CATALOGUE, parameters, values, with_values
@@ -121,10 +122,9 @@ def test_what_is_added_and_what_it_lacks_are_found():
 
 
 def of_known_scale(recording, baseline=()):
-    """Return the view in a noise that the data sheet states."""
+    """Return the view in a noise that the data sheet states, each row by itself."""
     bare = inclined(recording, baseline)
-    noise = NoiseModel(np.full(3, SIGMA), scale_known=True, block=np.arange(len(bare)))
-    return replace(bare, noise=noise)
+    return replace(bare, noise=NoiseModel(np.full(3, SIGMA), scale_known=True, block=np.arange(len(bare))))
 
 
 def test_its_noise_may_be_of_a_known_scale(monkeypatch):
@@ -136,6 +136,24 @@ def test_its_noise_may_be_of_a_known_scale(monkeypatch):
     (cubic,) = with_values((), parameters(CATALOGUE["cubic_nonlinearity"])[1:2], np.array([4e-5]))
     d = diagnose([recorded(np.random.default_rng(2), [cubic])])
     assert (d.verdict, d.findings[0].effect, d.findings[0].axis) == ("missing-physics", "cubic_nonlinearity", "y")
+
+
+def without_blocks(recording, baseline=()):
+    """Return the view in a noise that the data sheet states, of rows that follow one another evenly."""
+    return replace(inclined(recording, baseline), noise=NoiseModel(np.full(3, SIGMA), scale_known=True))
+
+
+def test_a_noise_of_known_scale_needs_no_blocks(monkeypatch):
+    by_spectrum = replace_view(INCLINED, f"{__name__}:without_blocks")
+    monkeypatch.setattr(recording_kinds, "EVERY", [by_spectrum, *recording_kinds.EVERY])
+    assert diagnose([recorded(np.random.default_rng(2))]).verdict == "adequate"
+    (warming,) = with_values((), [p for p in parameters(CATALOGUE["warm_up"]) if p.axis == "y"], np.array([5e-3]))
+    d = diagnose([recorded(np.random.default_rng(2), [replace(warming, tau=30.0)])])
+    assert (d.verdict, d.findings[0].axis, d.fit.heldout_by) == ("missing-physics", "y", "time")
+
+
+def test_no_manoeuvre_is_planned_where_only_its_view_knows_the_attitude():
+    assert available_manoeuvres(recorded(np.random.default_rng(0))) == ()
 
 
 def with_zeros(recording, baseline=()):

@@ -54,13 +54,12 @@ def scale_to_scatter(o: Fit) -> Fit:
     scale, plain = (np.where(a > 0, a, 1.0) for a in (scale, plain))  # a channel that always reads the same
     kurtosis, weight = float(np.mean(_excess_kurtosis(fast / scale))), None
     if kurtosis > HEAVY_KURTOSIS:
-        static = o.view.kind.stabilised
-        robust = huber_weights(
-            o.residual, np.arange(len(o.residual)) // NEIGHBOURS if static else o.view.noise.block, scale
-        )
+        blocks = o.view.noise.in_blocks
+        level = o.view.noise.block if blocks else np.arange(len(o.residual)) // NEIGHBOURS
+        robust = huber_weights(o.residual, level, scale)
         # what no level follows is physics: it makes no row noisier than the rows next to it show
         weight = robust.weight
-        scale = np.minimum(robust.of_rows if static else robust.of_means, plain)
+        scale = np.minimum(robust.of_means if blocks else robust.of_rows, plain)
     else:
         scale = plain
     noise = replace(o.view.noise, sigma=o.sigma * scale, kurtosis=kurtosis, weights=weight, scatter=scale)
@@ -84,8 +83,7 @@ def nats_beyond_stated_scatter(o: Fit) -> float:
 def _rows_within_blocks(o: Fit) -> Array:
     """Return what varies from row to row inside a block (n', C), unit gain for white noise."""
     begins = np.zeros(len(o.residual), dtype=bool)
-    if not o.view.kind.stabilised:
-        begins[o.view.noise.starts] = True
+    begins[o.view.noise.starts] = True
     return np.stack(scaled_differences(o.residual.T, begins, np.ones(len(o.residual)), order=2), axis=1)
 
 
@@ -98,7 +96,7 @@ def _excess_kurtosis(x: Array) -> Array:
 
 def noise_grid(o: Fit) -> tuple[Node, ...]:
     """The grid of noises of this recording with their prior probabilities."""
-    gimbals = (WALK, WALK_PRIOR) if o.view.kind.stabilised else (SETTING, SETTING_PRIOR)
+    gimbals = (SETTING, SETTING_PRIOR) if o.view.noise.in_blocks else (WALK, WALK_PRIOR)
     both = itertools.product(zip(*gimbals, strict=True), zip(WALK, WALK_PRIOR, strict=True))
     return _noises(o, [(size, walk, p * q, "") for (size, p), (walk, q) in both])
 
@@ -108,18 +106,18 @@ def single_walks_of_stated_noise(o: Fit) -> tuple[Node, ...]:
 
     Noises with walks of all accelerometers are included, so that these are not taken for the walk of a single one.
     """
-    static = o.view.kind.stabilised
+    blocks = o.view.noise.in_blocks
     axes = (*(axis for quantity, axis in o.view.channels if quantity == "specific_force"), "")
     usual = [(s, p) for s, p in zip(SETTING, SETTING_PRIOR, strict=True) if p >= SETTING_PRIOR_SHARE]
-    gimbals = zip(WALK, WALK_PRIOR, strict=True) if static else usual
-    share = (SINGLE_WALK_PRIOR_AT_REST if static else SINGLE_WALK_PRIOR) / len(SINGLE_WALK)
+    gimbals = usual if blocks else zip(WALK, WALK_PRIOR, strict=True)
+    share = (SINGLE_WALK_PRIOR if blocks else SINGLE_WALK_PRIOR_AT_REST) / len(SINGLE_WALK)
     every = itertools.product(axes, gimbals, SINGLE_WALK)
     return _noises(o, [(size, walk, share * p, axis) for axis, (size, p), walk in every])
 
 
 def nominal_noise(o: Fit) -> Node:
     """The noise as stated, without a random walk."""
-    return _noises(o, [(0.0 if o.view.kind.stabilised else 1.0, 0.0, 1.0, "")])[0]
+    return _noises(o, [(float(o.view.noise.in_blocks), 0.0, 1.0, "")])[0]
 
 
 def _noises(o: Fit, processes: Sequence[tuple[float, float, float, str]]) -> tuple[Node, ...]:
@@ -128,7 +126,7 @@ def _noises(o: Fit, processes: Sequence[tuple[float, float, float, str]]) -> tup
     Gimbals have setting errors in positions, and a walk of their angles in a static run. The accelerometer is the one
     with a random walk, "" if all of them have one.
     """
-    return _spectral_noise(o, processes) if o.view.kind.stabilised else _of_dwells(o, processes)
+    return _of_dwells(o, processes) if o.view.noise.in_blocks else _spectral_noise(o, processes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +213,7 @@ def _block_time(o: Fit) -> Array:
 def coloured_row_count(o: Fit, among: Sequence[Node] = ()) -> int:
     """Return how many of the reduced rows may not be white, in the grid and `among` further noises."""
     C = o.residual.shape[1]
-    rows = slow_modes(o, 0.0) if o.view.kind.stabilised else len(o.view.noise.starts)
+    rows = len(o.view.noise.starts) if o.view.noise.in_blocks else slow_modes(o, 0.0)
     return max([rows * C, *(n.coloured for n in among)])
 
 

@@ -40,7 +40,7 @@ ROUNDS = 3  # the last one about angles and constants that are known to a few ar
 
 def about_settings(o: Fit) -> Fit:
     """Return the rows about the angles of each visit; unchanged where a setting is too small to curve anything."""
-    if o.view.kind.stabilised or not o.view.gimbals_with_readout or not setting_is_second_order(o):
+    if o.view.local is None or not o.view.gimbals_with_readout or not setting_is_second_order(o):
         return o
     for _ in range(ROUNDS):
         o = _rows_about_corrections(o, *_corrections_of_visits(o))

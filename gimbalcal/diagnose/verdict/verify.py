@@ -59,7 +59,7 @@ def _whitened_model(f: FittedCauses, physical: Array) -> tuple[Array, Array, Arr
     """Whitened Z, X, y and the fold of each row: in visits of the reduced rows, or in stretches of the raw ones."""
     o = f.search.fit
     C = o.residual.shape[1]
-    if o.view.kind.stabilised:
+    if not o.view.noise.in_blocks:
         fold = np.repeat(o.view.groups, C)
         rows = [o.view.noise.weighted(A).reshape(o.residual.size, -1) for A in (o.Z, physical, o.residual[:, :, None])]
         return rows[0], rows[1], rows[2][:, 0], fold, "time"
