@@ -24,7 +24,9 @@ def calibrate_view(request: Request) -> Calibration:
             "least-squares",
             Residual(fitted.solution.chi2, fitted.solution.dof, fitted.rms_by_channel),
             outcome="" if fitted.steps else "the fit did not converge, so its numbers mean nothing",
-            provenance=Provenance(recordings=recording.source, noise=AssumedNoise(from_="residual")),
+            provenance=Provenance(
+                recordings=recording.source, noise=None if view.noise.scale_known else AssumedNoise(from_="residual")
+            ),
             stages=(fitted.stage(view.name, words),),
         )
     )

@@ -69,10 +69,8 @@ def _facts(c: Calibration, recordings: Sequence[Recording]) -> list[tuple[str, s
     total, residual = len(c.parameters), c.residual
     ratio, p, _ = calibration_sentences.goodness_of_fit(residual.chi2, residual.dof)
     facts = [(f"{total - len(c.null_directions)} of {total}", "combinations of parameters determined")]
-    force = [rms for channel, rms in residual.rms.items() if channel.startswith("specific_force")]
-    if force and calibration_sentences.scaled_to_residual(c):
-        rms = float(from_si(np.sqrt(np.mean(np.square(force))), "ug"))
-        facts.append((f"{significant(rms, 3)} µg", "rms residual of the specific force"))
+    if calibration_sentences.scaled_to_residual(c) and (ug := calibration_sentences.force_rms(c)):
+        facts.append((f"{significant(ug, 3)} µg", "rms residual of the specific force"))
     if sky := calibration_sentences.sky_rms(c):
         facts.append((f"{significant(sky, 3)} arcsec", "rms residual of a star on the sky"))
     if residual.dof > 0 and not calibration_sentences.scaled_to_residual(c):

@@ -122,8 +122,15 @@ def _residual_against_noise(c: Calibration) -> str:
 
 def sky_rms(c: Calibration) -> float:
     """Return the root mean square of the residual of a star on the sky [arcsec]; zero for any other calibration."""
-    rms = (x for channel, x in c.residual.rms.items() if channel.startswith("pointing"))
-    return float(from_si(sqrt(sum(x**2 for x in rms)), "arcsec"))
+    if c.provenance.stars is None:
+        return 0.0
+    return float(from_si(sqrt(sum(x**2 for x in c.residual.rms.values())), "arcsec"))
+
+
+def force_rms(c: Calibration) -> float:
+    """Return the root mean square of the residuals of the channels of the specific force [ug]; zero without any."""
+    square = [x**2 for channel, x in c.residual.rms.items() if channel.partition(":")[0] == "specific_force"]
+    return float(from_si(sqrt(sum(square) / len(square)), "ug")) if square else 0.0
 
 
 def candidate_terms(c: Calibration) -> list[TermTest]:
@@ -134,8 +141,6 @@ def candidate_terms(c: Calibration) -> list[TermTest]:
 
 def _residual_as_noise(c: Calibration) -> str:
     """Return how large the residual is where its scatter is the only estimate of the noise."""
-    rms = c.residual.rms
-    force = sqrt(sum(x**2 for channel, x in rms.items() if channel.startswith("specific_force")))
     if star := sky_rms(c):
         size = float(f"{star:.3g}")
         text = f"the residuals of the stars are {size:g} arcsec rms on the sky, and every sigma is scaled to them"
@@ -147,8 +152,7 @@ def _residual_as_noise(c: Calibration) -> str:
             text += f". Of the terms outside the model, {label_in_words(best.term)} reduces this most, to {reduced}"
         return text
     size_of_force = ""
-    if force:
-        ug = float(from_si(force / sqrt(sum(channel.startswith("specific_force") for channel in rms)), "ug"))
+    if ug := force_rms(c):
         size_of_force = f" by {ug / 1e3:.3g} mg" if ug >= 1e3 else f" by {ug:.3g} ug"
     excess = c.provenance.options.excess_over_noise or 0.0
     beyond = "times what the noise of the samples explains: the outputs change from position to position"

@@ -24,6 +24,7 @@ from gimbalcal.recording.record import FORCE
 from gimbalcal.views.core import Fit, Measurement, View, nuisance, recording_fields
 from gimbalcal.views.noise import NoiseModel
 from gimbalcal.views.norm import norm
+from gimbalcal.words.calibration_sentences import scaled_to_residual
 
 G, SIGMA, ANGLE = 9.8, 2e-4, 2e-6  # m/s^2, of a mean; rad, of the inclinometer
 AXES = tuple(("covariate", f"inclination_{a}") for a in "xy")
@@ -131,7 +132,9 @@ def test_its_noise_may_be_of_a_known_scale(monkeypatch):
     known_scale = replace_view(INCLINED, f"{__name__}:of_known_scale")
     monkeypatch.setattr(recording_kinds, "EVERY", [known_scale, *recording_kinds.EVERY])
     clean = recorded(np.random.default_rng(2))
-    assert methods.calibrate([clean])[0].residual.chi2 == pytest.approx(108, rel=0.3)
+    found, _ = methods.calibrate([clean])
+    assert found.residual.chi2 == pytest.approx(108, rel=0.3)
+    assert not scaled_to_residual(found)
     assert diagnose([clean]).verdict == "adequate"
     (cubic,) = with_values((), parameters(CATALOGUE["cubic_nonlinearity"])[1:2], np.array([4e-5]))
     d = diagnose([recorded(np.random.default_rng(2), [cubic])])

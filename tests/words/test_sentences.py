@@ -85,8 +85,13 @@ CALIBRATIONS = {
     "no degrees of freedom": calibration(0.0, 0),
     "pattern of stars": calibration(
         rms=1e-5,
-        **of(pattern=ResidualPattern("across", "hour_angle", 1e-4), noise=AssumedNoise(accelerometer_from="residual")),
+        **of(
+            pattern=ResidualPattern("across", "hour_angle", 1e-4),
+            noise=AssumedNoise(accelerometer_from="residual"),
+            stars=20,
+        ),
     ),
+    "direction that is no star's": calibration(rms=1e-5, **of(noise=AssumedNoise(from_="residual"))),
 }
 
 

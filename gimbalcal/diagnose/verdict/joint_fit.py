@@ -466,6 +466,7 @@ def provenance_of_fit(views: Sequence[View], causes: Sequence[str]) -> Provenanc
     recordings = list(dict.fromkeys(v.source for v in views))
     return Provenance(
         recordings=tuple(file for r in recordings for file in r.source),
+        stars=sum(len(v) for v in views if v.kind.sighting) or None,
         version=gimbalcal.__version__,
         options=Options(direction=DIRECTION, method="diagnosis", causes=tuple(causes)),
         recorded=when_recorded(recordings),
