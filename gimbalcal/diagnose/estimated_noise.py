@@ -206,7 +206,7 @@ def serial_correlation(m: Fit, sigma: Array) -> dict[str, float]:
     or not it is likelier than a noise with a memory. Among white residuals a correlation has a sigma of n^(-1/2).
     """
     v = m.view
-    if m.exact or not v.kind.sighting or v.noise.own_memories or len(m.residual) < MIN_SETTINGS:
+    if m.exact or not v.separate_settings or len(m.residual) < MIN_SETTINGS:
         return {}
     r = m.residual / sigma
     each = (r[1:] * r[:-1]).sum(axis=0) / np.maximum((r**2).sum(axis=0), 1e-300)

@@ -199,7 +199,7 @@ def of_single_view(request: DiagnosisRequest) -> Parts:
         request = request.of(request.recording.select(np.flatnonzero(frames == 0)))
     for rounds in range(ROUNDS, -1, -1):
         v = single_view(request)
-        if not v.kind.sighting or v.noise.own_memories or len(v) > MAX_FILTERED_STARS:
+        if not v.separate_settings or len(v) > MAX_FILTERED_STARS:
             d = diagnose_views(request, v)
             break
         c = select_causes(v, request.progress)  # formulas, which may follow a few outliers, are sought without these

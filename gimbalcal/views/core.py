@@ -131,6 +131,11 @@ class View:
         return self.noise.weight((len(self), len(self.channels)))
 
     @property
+    def separate_settings(self) -> bool:
+        """Return whether a mount was set on one star after the other, so that no row resembles the one before."""
+        return self.kind.sighting and not self.noise.own_memories
+
+    @property
     def visits(self) -> Local:
         """The setting errors of the visits, of a view of positions."""
         assert self.local is not None

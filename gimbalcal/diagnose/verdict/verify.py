@@ -143,7 +143,7 @@ def view_fit(c: SearchResult, sigma: Array) -> ViewFit:
             missed = [float(from_si(v.missed_by_turns(e), "arcsec")) for e in ((), after.effects)]
             turns = RmsMisfit(missed[0], missed[1], "arcsec")
     channels = None
-    if v.kind.sighting and not v.noise.own_memories and after.view.noise.scales:
+    if v.separate_settings and after.view.noise.scales:
         each = zip(v.channels, after.rms_of_channels, strict=True)
         channels = {axis: float(from_si(x, v.unit)) for (_, axis), x in each}
     return ViewFit(
