@@ -34,8 +34,9 @@ class Kind(str):
     sighting: a mount points at stars of known direction, and no inertial sensor is read.
     methods: names of the methods that calibrate it, the preferred one first. baseline: the effects that its calibrated
     model holds. predicted: the quantities that the forward model predicts at the readings. measured_by: the sensor
-    whose stated noise weighs its rows. view: "module:function" of the one view that a recording makes, from the
-    recording and the ids of effects that its model holds; empty where a recording makes several.
+    whose stated noise weighs its rows. extended_by: what more of it would be, in words. view: "module:function" of the
+    one view that a recording makes, from the recording and the ids of effects that its model holds; empty where a
+    recording makes several.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Kind(str):
     rotating: bool = False
     sighting: bool = False
     measured_by: str = "accelerometer"
+    extended_by: str = "positions"
     view: str = ""
     when: Callable[[Platform, Container[Key]], bool] | None = None  # of platform and channels; None: where no other is
 
@@ -106,6 +108,7 @@ STATIC_RUN = Kind(
     baseline=BASELINE["static-run"],
     predicted=("specific_force", "gimbal_angle", "attitude_error"),
     stabilised=True,
+    extended_by="hours",
 )
 """An inertially stabilised platform that is left alone for hours."""
 
@@ -125,6 +128,7 @@ POINTING = Kind(
     predicted=(),
     sighting=True,
     measured_by="gimbal_angle",
+    extended_by="stars",
     view="gimbalcal.views.pointing:pointing",
 )
 """A mount that points at stars."""

@@ -33,14 +33,18 @@ REPEAT_TURNS = (
 )
 LACK_OF_FIT = "log what else varies: the formula that fits best, {law}, leaves a significant residual"
 NO_FORMULA = (
-    "log what may be behind it ({lacking}), or take {more} that spread angles, time and temperature independently of "
-    "each other: no small formula in what was recorded explains it"
+    "log what may be behind it ({lacking}), or take further {more} that spread angles, time and temperature "
+    "independently of each other: no small formula in what was recorded explains it"
 )
 DIFFERENT_SIZES = (
     "look for what differed between the recordings: the formula that fits best, {law}, has other sizes in each of them"
 )
-KNOWN_CAUSE = "take {more}: {names}, which is known, explains these data as well as the formula that fits best, {law}"
-SEVERAL_FORMULAS = "take {more} in which {names} vary independently of each other: several formulas fit alike, {alike}"
+KNOWN_CAUSE = (
+    "take further {more}: {names}, which is known, explains these data as well as the formula that fits best, {law}"
+)
+SEVERAL_FORMULAS = (
+    "take further {more} in which {names} vary independently of each other: several formulas fit alike, {alike}"
+)
 
 
 def kind_of_laws(laws: Sequence[LawResult]) -> str:

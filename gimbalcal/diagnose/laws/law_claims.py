@@ -50,6 +50,7 @@ from gimbalcal.estimate.caveats import position_faults
 from gimbalcal.inference.algebra import beyond, logsumexp, orthonormal, orthonormal_columns
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
+from gimbalcal.recording.kinds import Kind
 from gimbalcal.views.core import Fit
 from gimbalcal.words import law_sentences
 from gimbalcal.words.diagnosis_sentences import misheld_positions, repeat_advice, separation_advice
@@ -124,21 +125,17 @@ def _forms(law: Law) -> list[tuple[str, str]]:
     return [(t.form.key, t.variable.name) for t in law.expression.terms]
 
 
-def what_would_determine(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: str) -> str:
+def what_would_determine(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: Kind) -> str:
     """Return what would determine a law where these data do not, in a sentence."""
     s = g.places[0].stimulus
     if others and laws:
         alike = "; ".join(dict.fromkeys(printed_form(law) for law in [laws[0], *others][:3]))
         names = list(dict.fromkeys(v.name for law in [laws[0], *others] for v in law.expression.variables))
         spread = ", ".join(n.replace("_", " ") for n in names[:5])
-        return law_sentences.SEVERAL_FORMULAS.format(more=_more(kind), names=spread, alike=alike)
+        return law_sentences.SEVERAL_FORMULAS.format(more=kind.extended_by, names=spread, alike=alike)
     variables = (("temperature", s.temperature is not None), ("supply voltage, pressure", bool(s.covariates)))
     lacking = [words for words, there in variables if not there]
-    return law_sentences.NO_FORMULA.format(lacking=" and ".join(lacking) or "another channel", more=_more(kind))
-
-
-def _more(kind: str) -> str:
-    return "further " + {"pointing": "stars", "static-run": "hours"}.get(kind, "positions")
+    return law_sentences.NO_FORMULA.format(lacking=" and ".join(lacking) or "another channel", more=kind.extended_by)
 
 
 def law_of_misfit(ranked: Ranking, d: Decision, seed: int, progress: Progress, instead: Sequence[int] = ()) -> Lawful:
@@ -312,7 +309,7 @@ def _known_causes_as_likely(ranked: Ranking, law: Law, ln_evidence: float) -> st
     if h is None or h.ln_weight < ln_evidence:
         return ""
     names = " and ".join(f"{without_underscores(every[m].effect)} {every[m].axis}".strip() for m in h.members)
-    more = _more(ranked.searches[0].fit.view.kind)
+    more = ranked.searches[0].fit.view.kind.extended_by
     return law_sentences.KNOWN_CAUSE.format(more=more, names=names, law=printed_form(law))
 
 
