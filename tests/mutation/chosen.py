@@ -245,7 +245,7 @@ CHOSEN: Mapping[str, tuple[Mistake, ...]] = {  # by the tests, under tests/, tha
     "diagnose/search/test_rounds.py": (
         ("diagnose.search.relinearise", "about_first_cause", "before <= MIN_CHI2_RATIO", "before > MIN_CHI2_RATIO"),
         ("diagnose.search.stepwise", "likeliest_round", "CLAIM * several", "-CLAIM * several"),
-        ("diagnose.search.stepwise", "swap_causes", "best.lead > SWAP", "best.lead > -SWAP"),
+        ("diagnose.search.stepwise", "swap_causes", "best.ln_odds_over > SWAP", "best.ln_odds_over > -SWAP"),
         ("diagnose.search.stepwise", "backward_eliminate", "kind), support[i], i)", "kind), -support[i], i)"),
         ("diagnose.search.stepwise", "needed_evidence", "CLAIM - USUAL_CAUSE_BONUS", "CLAIM + USUAL_CAUSE_BONUS"),
         ("diagnose.search.stepwise", "likeliest_selection", "share) - SWAP", "share) + SWAP"),

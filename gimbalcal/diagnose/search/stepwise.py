@@ -87,14 +87,14 @@ class SearchResult:
 class Round:
     """What is likeliest to be missing from a model: one cause or two, or a shape.
 
-    named: whether these are known causes; lead: ln odds of these to the cause that they were compared with.
+    named: whether these are known causes; ln_odds_over: of these over the cause that they were compared with.
     """
 
     causes: tuple[SelectedCause, ...]
     ln_bayes: float  # of these
     ln_total: float  # of anything at all
     named: bool
-    lead: float
+    ln_odds_over: float
 
 
 def stepwise(v: View, progress: Progress) -> SearchResult:
@@ -260,7 +260,7 @@ def swap_causes(
         (same, other), *more = best.causes
         if same.key == cause.key and same.scanned and not more:  # another peak of a scan, given these others
             out = [*others, (cause, other)]
-        elif best.lead > SWAP:
+        elif best.ln_odds_over > SWAP:
             progress(f"{cause.in_words} is replaced by {', '.join(c.in_words for c, _ in best.causes)}")
             out = [*others, *best.causes]
     return out
@@ -288,7 +288,7 @@ def likeliest_after_refit(
     if ln_weight[top] - ln_weight[0] <= NEAR:
         return best
     same = [w for w, these in zip(ln_weight, causes, strict=True) if against.key in {c.key for c, _ in these}]
-    return replace(best, causes=causes[top], lead=ln_weight[top] - max(same) if same else best.lead)
+    return replace(best, causes=causes[top], ln_odds_over=ln_weight[top] - max(same) if same else best.ln_odds_over)
 
 
 def backward_eliminate(first: Fit, selected: Sequence[SelectedCause], progress: Progress) -> list[SelectedCause]:
@@ -350,9 +350,9 @@ def result_of(
     return SearchResult(first, steps, tuple(shapes), with_shapes, tuple(standard), rest)
 
 
-def likeliest_missing(model: Fit, memory: bool = False, against: Candidate | None = None) -> Round:
+def likeliest_missing(model: Fit, memory: bool = False) -> Round:
     """Return what is likeliest to be missing from a model, in white or in correlated noise: causes, or a shape."""
-    return likeliest_round(search(model, nodes=possible_noises(model, memory)), against)
+    return likeliest_round(search(model, nodes=possible_noises(model, memory)))
 
 
 def likeliest_round(s: Search, against: Candidate | None = None, shape: bool = False) -> Round:
@@ -371,8 +371,8 @@ def likeliest_round(s: Search, against: Candidate | None = None, shape: bool = F
     named = not (shape and shapes) and total_weight(known) > total_weight(shapes) + CLAIM * several
     best = known[0] if named else shapes[0]
     rival = [h.ln_weight for h in known if against and any(every[i].key == against.key for i in h.members)]
-    lead = best.ln_weight - max(rival) if rival and named else 0.0
-    return Round(selected_causes(s, best.members), best.ln_bayes, s.ln_total, named, lead)
+    over = best.ln_weight - max(rival) if rival and named else 0.0
+    return Round(selected_causes(s, best.members), best.ln_bayes, s.ln_total, named, over)
 
 
 def order_by_explanation(first: Fit, selected: Sequence[SelectedCause]) -> tuple[Step, ...]:

@@ -58,16 +58,16 @@ def test_one_cause_beats_a_shape_by_itself_and_two_at_the_odds_of_a_claim(monkey
 
 def test_the_lead_is_over_the_best_that_holds_what_it_is_held_against(monkeypatch):
     ranking = [Hypothesis((0,), 7.0, 7.0), Hypothesis((1,), 5.0, 5.0), Hypothesis((1, 2), 3.0, 3.0)]
-    assert weighed(monkeypatch, ranking, against=B[0]).lead == 2.0
-    assert weighed(monkeypatch, ranking, against=A[0]).lead == 0.0
-    assert weighed(monkeypatch, ranking).lead == 0.0
+    assert weighed(monkeypatch, ranking, against=B[0]).ln_odds_over == 2.0
+    assert weighed(monkeypatch, ranking, against=A[0]).ln_odds_over == 0.0
+    assert weighed(monkeypatch, ranking).ln_odds_over == 0.0
 
 
 @pytest.mark.parametrize(("lead", "kept"), [(0.9, [A, B]), (1.1, [B, C])])
 def test_a_cause_gives_way_to_one_that_is_clearly_likelier(monkeypatch, lead, kept):
     def likeliest(model, against):
         assert against not in model
-        return SimpleNamespace(lead=lead if against is A[0] else 0.0, causes=(C,))
+        return SimpleNamespace(ln_odds_over=lead if against is A[0] else 0.0, causes=(C,))
 
     monkeypatch.setattr(stepwise, "possible_noises", lambda *_: [])
     monkeypatch.setattr(stepwise, "search", lambda model, nodes: model)

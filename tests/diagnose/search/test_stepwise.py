@@ -111,7 +111,7 @@ def test_a_near_rival_that_leads_in_the_ranking_gives_way_to_the_cause_that_fits
         ranked = replace(s, hypotheses=(leading, true))
         best = likeliest_after_refit(first, [], ranked, likeliest_round(ranked, rival), rival)
         assert [c.key for c, _ in best.causes] == [expected.key]
-        assert (best.lead > SWAP) == (expected is cause)
+        assert (best.ln_odds_over > SWAP) == (expected is cause)
 
 
 def test_nothing_is_taken_up_where_nothing_is_missing():
