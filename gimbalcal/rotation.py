@@ -35,6 +35,11 @@ def frame_rotation(direction: str, angle: ArrayLike) -> Array:
     return out
 
 
+def within_half_turn(angle: Array) -> Array:
+    """Return angles (...) [rad] less whole turns, from -pi to pi."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
 def tilt_rotation(tilt: ArrayLike) -> Array:
     r"""Return the frame rotation by three small angles about x, then y, then z: ``Rz Ry Rx``; (..., 3) [rad] to (...,
     3, 3).

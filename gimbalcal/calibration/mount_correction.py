@@ -24,6 +24,7 @@ from gimbalcal.kinematics import stimulus_from_angles, stimulus_from_readings, w
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import ANGLE, FORCE, Key
+from gimbalcal.rotation import within_half_turn
 
 SENSORS = GYROSCOPE_STAGES | SENSOR_STAGES
 MAX_STEPS = 4  # of a static run, whose phase depends on the correction: each leaves a product of two errors
@@ -108,7 +109,7 @@ def _channel_differences(recording: Recording, to: Mapping[str, Array], of: Mapp
         if quantity in to and quantity != "angular_rate":
             i = AXES.get(quantity, recording.platform.axis_names).index(axis)
             d = to[quantity][:, i] - of[quantity][:, i]
-            out[quantity, axis] = d if quantity == FORCE else (d + np.pi) % (2 * np.pi) - np.pi
+            out[quantity, axis] = d if quantity == FORCE else within_half_turn(d)
     return out
 
 

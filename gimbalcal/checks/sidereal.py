@@ -10,6 +10,7 @@ from gimbalcal.earth import EARTH_RATE
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE_INERTIAL
 from gimbalcal.recording.record import FORCE, Recording
+from gimbalcal.rotation import within_half_turn
 
 MAX_LATITUDE_ERROR_RAD = np.radians(5.0)  # above any tilt of a level base and of the polar axis, below a wrong sign
 MAX_ATTITUDE_ERROR_RAD = np.radians(10.0)
@@ -35,7 +36,7 @@ def rate_of_the_platform_gimbal(e: Examined) -> str:
     time, angle = e.recording.time, e.recording.channels[PLATFORM]
     dt = np.diff(time)
     short = EARTH_RATE * dt < 1.0
-    rate = float(np.median((_wrapped_angle(np.diff(angle)) / dt)[short])) if short.any() else EARTH_RATE
+    rate = float(np.median((within_half_turn(np.diff(angle)) / dt)[short])) if short.any() else EARTH_RATE
     off = abs(rate / EARTH_RATE - 1)
     if off < MAX_GIMBAL_RATE_ERROR or off * EARTH_RATE * np.ptp(time) < CLOCK_JUMP_RAD:
         return ""
@@ -49,17 +50,17 @@ def jumps_of_the_clock(e: Examined) -> str:
     """Refuse a single readout far off its neighbours, or a clock that jumps."""
     time, angle = e.recording.time, e.recording.channels[PLATFORM]
     dt = np.diff(time)
-    lag = _wrapped_angle(np.diff(angle) - EARTH_RATE * dt)
+    lag = within_half_turn(np.diff(angle) - EARTH_RATE * dt)
     k = int(np.argmax(np.abs(lag)))
     if abs(lag[k]) <= CLOCK_JUMP_RAD:
         return ""
-    returns = np.flatnonzero(np.abs(_wrapped_angle(lag[1:] + lag[:-1])) < np.abs(lag[1:]) / 10) + 1
+    returns = np.flatnonzero(np.abs(within_half_turn(lag[1:] + lag[:-1])) < np.abs(lag[1:]) / 10) + 1
     if row := next((int(i) for i in returns if i in (k, k + 1)), 0):
         return (
             f"at {time[row]:.10g} s alone the platform gimbal reads "
             f"{np.degrees(abs(lag[k])):.4g} deg off its neighbours; leave this row out"
         )
-    turned, due = np.degrees([_wrapped_angle(angle[k + 1] - angle[k]), EARTH_RATE * dt[k]])
+    turned, due = np.degrees([within_half_turn(angle[k + 1] - angle[k]), EARTH_RATE * dt[k]])
     return (
         f"between {time[k]:.10g} s and {time[k + 1]:.10g} s the clock goes on by "
         f"{dt[k]:.6g} s while the platform gimbal turns by {turned:.4g} deg instead of {due:.4g} deg, so "
@@ -136,10 +137,6 @@ def measured_latitude(recording: Recording) -> float | None:
 def _refuse_inertial(recording: Recording) -> bool:
     stated = recording.site.latitude is not None
     return recording.kind.stabilised and stated and recording.platform == SPACE_STABLE_INERTIAL
-
-
-def _wrapped_angle(angle: Array) -> Array:
-    return np.asarray(angle - 2 * np.pi * np.round(angle / (2 * np.pi)))
 
 
 RUN_CHECKS = (

@@ -33,6 +33,7 @@ from gimbalcal.forward.model import (
 from gimbalcal.number import STEP, Array, complex_step
 from gimbalcal.platform import Platform
 from gimbalcal.recording.record import Key
+from gimbalcal.rotation import within_half_turn
 
 AXES: Mapping[str, tuple[str, ...]] = {
     "specific_force": ("x", "y", "z"),
@@ -235,7 +236,7 @@ def difference(read: Array, predicted: Array, channels: Sequence[Key]) -> Array:
     """Read minus predicted (n, C); angles within half a turn."""
     d = read - predicted
     angle = np.array([q in ANGLES for q, _ in channels], dtype=bool)
-    return np.asarray(np.where(angle, (d + np.pi) % (2 * np.pi) - np.pi, d))
+    return np.asarray(np.where(angle, within_half_turn(d), d))
 
 
 def wanted_channels(platform: Platform, outputs: Mapping[str, Array], channels: Sequence[Key]) -> Array:

@@ -36,6 +36,7 @@ from gimbalcal.platform import KNOWN
 from gimbalcal.recording.columns import ROW_STEP_S
 from gimbalcal.recording.record import UNKNOWN_SITE, Recording
 from gimbalcal.recording.site import with_normal_gravity
+from gimbalcal.rotation import within_half_turn
 from gimbalcal.units import to_si
 
 _AXIS = by_spelling(
@@ -386,7 +387,7 @@ def _channels(
 
 def _offsets_agree(difference: Array, offset: Array) -> bool:
     """Return whether offsets (n,) are, up to their sign, the difference of two angles [rad]."""
-    distance = np.abs(np.mod(difference + np.pi, 2 * np.pi) - np.pi)
+    distance = np.abs(within_half_turn(difference))
     return bool(np.nanmedian(np.abs(distance - np.abs(offset))) < 0.5 * np.nanmedian(np.abs(offset)))
 
 

@@ -33,6 +33,7 @@ from gimbalcal.inference.p_value import SIGNIFICANCE, probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Dwell, Recording, dwell_means, dwells
 from gimbalcal.recording.record import RATE
+from gimbalcal.rotation import within_half_turn
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
 from gimbalcal.views.rest_rates import HEADING, rest_rates_on_gimbals
@@ -136,7 +137,7 @@ def _sample_sigma(rate: Array, weight: Array, rests: Sequence[Dwell]) -> float:
 
 def _azimuth_of_base(fitted: ViewsFit) -> float:
     """Return where the base's x axis points, east of north, in degrees within half a turn."""
-    return float(from_si((fitted.nuisance(HEADING)[0][0] + np.pi) % (2 * np.pi) - np.pi, "deg"))
+    return float(from_si(within_half_turn(fitted.nuisance(HEADING)[0][0]), "deg"))
 
 
 def _calibration(minima: Sequence[ViewsFit]) -> Calibration:
