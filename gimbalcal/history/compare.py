@@ -27,6 +27,7 @@ from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError
 from gimbalcal.history.parameter_history import SIGNIFICANCE, ParameterHistory, parameter_history
 from gimbalcal.history.unit_store import DatedCalibration
+from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.units import from_si, parse, to_si
 from gimbalcal.words.history_sentences import comparison_in_words
@@ -240,8 +241,6 @@ def _date(seconds: float) -> datetime:
 
 
 def _step(ordered: Sequence[DatedCalibration], k: int, shared: bool) -> CalibrationStep:
-    from scipy.special import chdtrc
-
     a, b = ordered[k].calibration, ordered[k + 1].calibration
     # by their names: what is usual of a parameter, and so the rest of it, may differ from one recording to the next
     of_a, of_b = ({p.label: i for i, p in enumerate(c.parameters) if c.sigmas[i] > 0} for c in (a, b))
@@ -257,7 +256,7 @@ def _step(ordered: Sequence[DatedCalibration], k: int, shared: bool) -> Calibrat
     different = lam > len(lam) * np.finfo(float).eps * lam[-1]  # not a direction that both hold exactly
     chi2 = float((((V.T @ (difference / size))[different]) ** 2 / lam[different]).sum())
     dof = int(different.sum())
-    return CalibrationStep(k, k + 1, chi2, dof, nan if shared else float(chdtrc(dof, chi2)), shared)
+    return CalibrationStep(k, k + 1, chi2, dof, nan if shared else probability(chi2, dof), shared)
 
 
 def _limits(allowed: Mapping[str, str], known: Iterable[Parameter]) -> dict[str, float]:

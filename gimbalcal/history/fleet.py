@@ -42,6 +42,7 @@ from gimbalcal.calibration.provenance import AssumedGrade
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.history.unit_store import DatedCalibration, calibrations_by_unit
+from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
 from gimbalcal.recording import Recording
 from gimbalcal.words.history_sentences import unusual_unit_in_words
@@ -339,12 +340,8 @@ def normal_tail(off: float, sigma: float) -> float:
 
 def _joint_tail(off: Array, lam: Array, V: Array, null: Array, size: Array) -> float:
     """Return the tail of all directions that the data determine, about the mean of the fleet, in scaled units."""
-    from scipy.special import chdtrc
-
     free = np.isinf(size)
     dof = int((~null).sum() - free.sum())
-    if dof < 1:
-        return 1.0
     W = V[:, ~null]
     r, C = W.T @ off, np.diag(lam[~null]) + W.T @ (np.where(free, FLAT_SIZE, size)[:, None] ** 2 * W)
-    return float(chdtrc(dof, r @ np.linalg.solve(C, r)))
+    return probability(float(r @ np.linalg.solve(C, r)), dof)

@@ -234,10 +234,10 @@ def _scanned_orders(
         )
         power = power / np.maximum(level, 1e-300)
     step = float(every[1] - every[0])
-    chosen = set(between_scanned(every[_highest_peaks(power, PEAKS)], step))
+    chosen = set(between_scanned(every[_highest_peaks(power)], step))
     if orders > 1:
         numbers, of_series = power_of_harmonics(power, every, orders)
-        chosen |= set(between_scanned(numbers[_highest_peaks(of_series, PEAKS)], 1 + np.ceil(step / orders)))
+        chosen |= set(between_scanned(numbers[_highest_peaks(of_series)], 1 + np.ceil(step / orders)))
     return [((whole.name, m),) for m in sorted(chosen)], len(every)
 
 
@@ -287,11 +287,11 @@ def power_of_harmonics(power: Array, every: Array, orders: int) -> tuple[Array, 
     return numbers, np.asarray(padded[np.minimum(at, len(power))].sum(axis=1))
 
 
-def _highest_peaks(power: Array, count: int) -> list[int]:
+def _highest_peaks(power: Array) -> list[int]:
     """Return the ordinals of the highest local maxima of a scan over whole numbers, in order."""
     padded = np.concatenate([[-np.inf], power, [-np.inf]])
     top = np.flatnonzero((power >= padded[:-2]) & (power >= padded[2:]))
-    return sorted(int(i) for i in top[np.argsort(-power[top])][:count])
+    return sorted(int(i) for i in top[np.argsort(-power[top])][:PEAKS])
 
 
 def between_scanned(best: Iterable[float], step: float) -> list[float]:
