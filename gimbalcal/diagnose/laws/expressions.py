@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gimbalcal.diagnose.library.variables import CENTRED_GROUPS, Variable, variables
+from gimbalcal.diagnose.laws.variables import CENTRED_GROUPS, Variable, variables
 from gimbalcal.effects import Stimulus
 from gimbalcal.effects.grids import highest_order
 from gimbalcal.number import Array

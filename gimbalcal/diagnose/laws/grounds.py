@@ -12,9 +12,9 @@ import numpy as np
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import project, rows_like
 from gimbalcal.diagnose.laws.law_search import STAGE, Ground, Place
+from gimbalcal.diagnose.laws.variables import joined_variables, variables
 from gimbalcal.diagnose.library.candidates import Candidate, Library, layout_of
 from gimbalcal.diagnose.library.shapes import MIN_TRAVEL_RAD, RIVAL_SIGMA, unknown_shape
-from gimbalcal.diagnose.library.variables import joined_variables, variables
 from gimbalcal.diagnose.search.ranking import Search, bayes_factors
 from gimbalcal.effects import Stage
 from gimbalcal.inference.algebra import beyond, block_diagonal, orthonormal

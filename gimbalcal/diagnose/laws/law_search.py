@@ -42,7 +42,7 @@ from gimbalcal.diagnose.laws.expressions import (
     term_triples,
     terms_of_variable,
 )
-from gimbalcal.diagnose.library.variables import Variable
+from gimbalcal.diagnose.laws.variables import Variable
 from gimbalcal.effects import Stage, Stimulus
 from gimbalcal.inference.algebra import beyond, orthonormal, orthonormal_columns
 from gimbalcal.inference.levenberg import minimise

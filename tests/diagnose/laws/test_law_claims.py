@@ -27,8 +27,8 @@ from gimbalcal.diagnose.laws.law_claims import (
 from gimbalcal.diagnose.laws.law_curve import _held_out
 from gimbalcal.diagnose.laws.law_file import source_text
 from gimbalcal.diagnose.laws.law_search import Ground, Law, Place
+from gimbalcal.diagnose.laws.variables import variables
 from gimbalcal.diagnose.library.assemble import assemble_library
-from gimbalcal.diagnose.library.variables import variables
 from gimbalcal.diagnose.result import LawResult, Shape
 from gimbalcal.diagnose.search.ranking import is_usual, search
 from gimbalcal.diagnose.search.refit import fit_baseline, start_with_baseline

@@ -35,7 +35,7 @@ from gimbalcal.diagnose.laws.law_search import (
     orthonormal_span,
     trimmed_law,
 )
-from gimbalcal.diagnose.library.variables import Variable
+from gimbalcal.diagnose.laws.variables import Variable
 from gimbalcal.units import to_si
 from gimbalcal.views.known_attitude import view_at_known_attitude
 from tests.benchmarks import unknown_hand, unknown_mount
