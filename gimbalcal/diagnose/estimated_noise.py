@@ -17,7 +17,7 @@ from gimbalcal.diagnose.answer import Curves, plotted_against
 from gimbalcal.diagnose.evidence.channel_scales import likeliest_scales
 from gimbalcal.diagnose.evidence.odds import CLAIM, SURE_PROBABILITY
 from gimbalcal.diagnose.laws.law_claims import (
-    Lawful,
+    LawSearchResult,
     against_walk,
     causes_replaced_by_a_formula,
     laws_of_view,
@@ -144,27 +144,27 @@ def _view_diagnosis(
     elif shapes or walk is not None:
         verdict = "unexplained"
     sigma = row_sigma(c.with_shapes)
-    fit, lawful, odds = view_fit(c, sigma), Lawful(), np.inf
+    fit, law_search, odds = view_fit(c, sigma), LawSearchResult(), np.inf
     if not c.start.exact and (shapes or not findings or refused):
         progress(law_sentences.SEARCHING)
-        lawful, with_law = laws_of_view(c.missing, sigma, [as_option(f.effect, f.axis) for f in findings])
+        law_search, with_law = laws_of_view(c.missing, sigma, [as_option(f.effect, f.axis) for f in findings])
         c_law = replace(c, with_shapes=with_law)
-        fit_law = view_fit(c_law, row_sigma(with_law)) if lawful.laws else fit
-        if lawful.known and not findings and not refused and walk is None:
-            with_known = result_of(c.start, lawful.known, refused=True)
+        fit_law = view_fit(c_law, row_sigma(with_law)) if law_search.laws else fit
+        if law_search.known and not findings and not refused and walk is None:
+            with_known = result_of(c.start, law_search.known, refused=True)
             perhaps = _view_diagnosis(with_known, judged_in_turn(with_known), progress, refused=True).tested(None)
             return replace(perhaps.doubted(perhaps.effects_found), unexplained=shapes)
-        lawful = with_heldout(lawful, fit_law)
+        law_search = with_heldout(law_search, fit_law)
         if walk is not None:
             advice = diagnosis_sentences.repeat_advice(v.kind.stabilised, by_hand=not v.stimulus.axis_names)
-            lawful, odds = against_walk(lawful, walk, advice)
-        if lawful.laws:
+            law_search, odds = against_walk(law_search, walk, advice)
+        if law_search.laws:
             c, fit, sigma = c_law, fit_law, row_sigma(with_law)
-            shapes = shapes_with_laws(shapes, lawful.laws)
+            shapes = shapes_with_laws(shapes, law_search.laws)
             verdict = "unexplained" if not findings else verdict
         elif findings or verdict == "adequate":
-            lawful = Lawful()
-    recommend, outcome = lawful.recommend, ""
+            law_search = LawSearchResult()
+    recommend, outcome = law_search.recommend, ""
     if verdict == "adequate" and (serial := serial_correlation(c.end, sigma)):
         verdict, recommend = "unexplained", diagnosis_sentences.REORDER_SETTINGS
         shapes = tuple(Shape(channel, diagnosis_sentences.SERIAL_CORRELATION) for channel in serial)
@@ -177,17 +177,17 @@ def _view_diagnosis(
         outcome = diagnosis_sentences.untested_in_words(v, fit)
     mismatch = () if verdict == "adequate" else view_mismatches(c.start, sigma)
     diagnosis = ViewDiagnosis(
-        v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), model, laws=lawful.laws, recommend=recommend,
-        outcome=outcome, without=partial(calibration_without, model) if v.calibrate else None,
-        ln_evidence=partial(_evidence_of_statements, c, lawful),
+        v, verdict, mismatch, findings, shapes, fit, curves_of(c, sigma), model, laws=law_search.laws,
+        recommend=recommend, outcome=outcome, without=partial(calibration_without, model) if v.calibrate else None,
+        ln_evidence=partial(_evidence_of_statements, c, law_search),
     )  # fmt: skip
     return diagnosis if walk is None else diagnosis.against_walk(walk, odds)
 
 
-def _evidence_of_statements(c: SearchResult, lawful: Lawful) -> float:
+def _evidence_of_statements(c: SearchResult, law_search: LawSearchResult) -> float:
     """Return ln p(y) of what is stated: the causes of a search and a formula of what they leave, not a shape."""
     share = log_shares(c.start.view, assemble_library(c.start))
-    return ln_odds(c.start, c.causes, share) + ln_evidence(c.start) + max(0.0, lawful.ln_total)
+    return ln_odds(c.start, c.causes, share) + ln_evidence(c.start) + max(0.0, law_search.ln_total)
 
 
 def calibration_without(m: Fit, left_out: str) -> Calibration:

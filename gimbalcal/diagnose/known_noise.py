@@ -21,7 +21,7 @@ from gimbalcal.diagnose.evidence.odds import CLAIM
 from gimbalcal.diagnose.evidence.stated_noise import scale_to_scatter
 from gimbalcal.diagnose.laws.law_claims import (
     MIN_EXPLAINED,
-    Lawful,
+    LawSearchResult,
     beyond_walk,
     law_beyond_shapes,
     law_of_misfit,
@@ -182,7 +182,7 @@ def _baseline_misfit(o: Fit) -> float:
     return float((residual**2).sum() / max(len(y) - Z.shape[1], 1))
 
 
-def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: Lawful | None = None) -> ViewDiagnosis:
+def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: LawSearchResult | None = None) -> ViewDiagnosis:
     """Return the diagnosis that a decision makes: findings, shapes or a law, the fit with them, and the calibration."""
     members = d.hypothesis.members if d.hypothesis else ()
     causes = [c.library.candidates[m] for m in members]
@@ -262,7 +262,7 @@ def _recording_answer(c: Ranking, d: Decision, k: int, joint: JointFit, rng: np.
     return RecordingAnswer(part, before, fitted, curves)
 
 
-def _with_law(answers: tuple[RecordingAnswer, ...], law: Lawful) -> tuple[RecordingAnswer, ...]:
+def _with_law(answers: tuple[RecordingAnswer, ...], law: LawSearchResult) -> tuple[RecordingAnswer, ...]:
     """Return the answers with what a law that no catalogue holds, if there is one, makes of their numbers."""
     each = zip(answers, law.each, strict=True) if law.each else ()
     corrected = (replace(x, fit=law.summary(x.fit), curves=replace(x.curves, after=r)) for x, (law, r) in each)

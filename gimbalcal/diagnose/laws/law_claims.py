@@ -77,7 +77,7 @@ Terms = list[tuple[Key, tuple[int, ...]]]
 
 
 @dataclass(frozen=True)
-class Lawful:
+class LawSearchResult:
     """Laws that were found, or what would determine one; of each recording the fit with them and the rest (n, C)."""
 
     laws: tuple[LawResult, ...] = ()
@@ -138,28 +138,30 @@ def what_would_determine(laws: Sequence[Law], others: Sequence[Law], g: Ground, 
     return law_sentences.NO_FORMULA.format(lacking=" and ".join(lacking) or "another channel", more=kind.extended_by)
 
 
-def law_of_misfit(ranked: Ranking, d: Decision, seed: int, progress: Progress, instead: Sequence[int] = ()) -> Lawful:
+def law_of_misfit(
+    ranked: Ranking, d: Decision, seed: int, progress: Progress, instead: Sequence[int] = ()
+) -> LawSearchResult:
     """Return a formula for what no cause explains, in the noise that the likeliest shape leaves in each recording.
 
     Positions that were not held as read are reported as a fault, not as a law. ranked: all hypotheses; instead: the
     causes to be replaced, which leave a significant residual.
     """
     if d.verdict != "unexplained":
-        return Lawful()
+        return LawSearchResult()
     progress(law_sentences.SEARCHING_REPLACEMENT if instead else law_sentences.SEARCHING)
     misheld = misheld_positions([position_faults(s.fit.view.source) for s in ranked.searches])
     if misheld and len(ranked.searches) == 1:
-        return Lawful(recommend=law_sentences.REPEAT_POSITIONS, misheld=misheld)
+        return LawSearchResult(recommend=law_sentences.REPEAT_POSITIONS, misheld=misheld)
     nodes = [fit_causes(s, ranked.within(d.shapes, k)[:1]).projection.node for k, s in enumerate(ranked.searches)]
     law = law_of_searches(ranked, nodes, np.random.default_rng(seed), instead)
     if misheld and not law.laws:  # no position is held wrongly twice by chance
-        law = Lawful(recommend=law_sentences.REPEAT_POSITIONS)
+        law = LawSearchResult(recommend=law_sentences.REPEAT_POSITIONS)
     return replace(law, misheld=misheld)
 
 
 def beyond_walk(
     common: Ranking, walk: RandomWalkFinding, seed: int, progress: Progress
-) -> tuple[Decision, Lawful, float]:
+) -> tuple[Decision, LawSearchResult, float]:
     """Return the shapes and the formula that compete with the walk of one sensor, and ln odds of the formula to it.
 
     common: the ranking without noises in which a single sensor walks. A walk has no formula.
@@ -170,7 +172,7 @@ def beyond_walk(
     return none, *against_walk(law, walk, repeat_advice(common.searches[0].fit.view.kind.stabilised))
 
 
-def law_beyond_shapes(ranked: Ranking, needed: float, seed: int, progress: Progress) -> Lawful:
+def law_beyond_shapes(ranked: Ranking, needed: float, seed: int, progress: Progress) -> LawSearchResult:
     """Return a formula of a misfit in which neither a cause nor a shape is likely, if there is one.
 
     A fast wave in a logged channel resembles no smooth shape, and the scatter of the rows or another noise absorbs it.
@@ -180,21 +182,23 @@ def law_beyond_shapes(ranked: Ranking, needed: float, seed: int, progress: Progr
     stated = all(s.fit.view.kind.measured_by in s.fit.view.source.noise for s in ranked.searches)
     beyond_scatter = max(nats_beyond_stated_scatter(s.fit) for s in ranked.searches)
     if stated and max(beyond_scatter, noise_gain(ranked, ())) < CLAIM:
-        return Lawful()
+        return LawSearchResult()
     law = law_of_misfit(ranked, decide_unnamed(ranked), seed, progress)
-    return law if law.ln_total + np.log(UNKNOWN) >= needed else Lawful()
+    return law if law.ln_total + np.log(UNKNOWN) >= needed else LawSearchResult()
 
 
-def against_walk(law: Lawful, walk: RandomWalkFinding, advice: str) -> tuple[Lawful, float]:
+def against_walk(law: LawSearchResult, walk: RandomWalkFinding, advice: str) -> tuple[LawSearchResult, float]:
     """Return formulas that compete with the walk of a sensor, none of much lower odds, and ln of their odds to it.
 
     advice: what distinguishes the two, where the formulas have no advice of their own.
     """
     odds = law.ln_total - walk.ln_total
-    return law if odds > -CLAIM else Lawful(recommend=law.recommend or advice, misheld=law.misheld), odds
+    return law if odds > -CLAIM else LawSearchResult(recommend=law.recommend or advice, misheld=law.misheld), odds
 
 
-def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Generator, instead: Sequence[int]) -> Lawful:
+def law_of_searches(
+    ranked: Ranking, nodes: Sequence[Node], rng: np.random.Generator, instead: Sequence[int]
+) -> LawSearchResult:
     """Seek a law in recordings of known attitude of one unit that nothing known explains.
 
     nodes: the likeliest noise of each; ranked: all other hypotheses. instead: causes that leave a residual; the
@@ -209,26 +213,26 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
         likeliest = every[:MAX_COMPARED_LAWS]
         likelier = _joint_evidence(likeliest) > best_else  # else no selection of them is
         rivals = _rivals_of_members(ranked, instead, likeliest) if likelier else []
-        return Lawful(formula_is_likelier=_joint_evidence(rivals) > best_else)
+        return LawSearchResult(formula_is_likelier=_joint_evidence(rivals) > best_else)
     if best is not None and not instead and (as_likely := _known_causes_as_likely(ranked, best, b.total)):
-        return Lawful(recommend=as_likely)
+        return LawSearchResult(recommend=as_likely)
     likely = best or next(iter(others and every), None)
     if likely is None:
-        return Lawful((), what_would_determine(every, others, g, searches[0].fit.view.kind))
+        return LawSearchResult((), what_would_determine(every, others, g, searches[0].fit.view.kind))
     fits = [_law_in_recording(s, own, columns, rng)
             for s, own, columns in zip(searches, b.searches, g.parts(likely.columns), strict=True)]  # fmt: skip
     x, C, agree = mean_of([(h.x, h.weight) for h in fits])
     lead = max(range(len(fits)), key=lambda k: float(x @ fits[k].weight @ x))
     advice = separating_manoeuvre(searches[lead].fit, likely, x, others[0], asked=best is None) if others else ""
     if best is None:
-        return Lawful((), f"{what_would_determine(every, others, g, searches[0].fit.view.kind)}. {advice}")
+        return LawSearchResult((), f"{what_would_determine(every, others, g, searches[0].fit.view.kind)}. {advice}")
     if disagreement_sentence(agree, ""):
-        return Lawful((), law_sentences.DIFFERENT_SIZES.format(law=printed_form(best)))
+        return LawSearchResult((), law_sentences.DIFFERENT_SIZES.format(law=printed_form(best)))
     before, after = (float(np.average([getattr(h.checked, w) for h in fits], weights=[len(s.rows.Q) for s in searches]))
                      for w in ("heldout_before", "heldout_after"))  # fmt: skip
     least = MIN_EXPLAINED if instead else MIN_EXPLAINED_ALONE
     if after >= before or any(h.checked.explained < least for h in fits):
-        return Lawful((), law_sentences.LACK_OF_FIT.format(law=printed_form(best)), formula_is_likelier=True)
+        return LawSearchResult((), law_sentences.LACK_OF_FIT.format(law=printed_form(best)), formula_is_likelier=True)
     # once in 1 / CLEAN_PROBABILITY by chance, of the scan as of another noise
     if any(h.left < CLEAN_PROBABILITY or h.strained >= -np.log(CLEAN_PROBABILITY) for h in fits):
         advice = advice or law_sentences.LACK_OF_FIT.format(law=printed_form(best))
@@ -238,7 +242,7 @@ def law_of_searches(ranked: Ranking, nodes: Sequence[Node], rng: np.random.Gener
     remainders = [residual_rows(s.fit, A @ x)[1] for s, A in zip(b.searches, parts, strict=True)]
     joint = np.concatenate([r.reshape(-1, *g.shape[1:]) for r in remainders])  # rows of one channel, of several
     laws = with_curves(laws, best, x, C, joint, g, others)
-    return Lawful(laws, advice, tuple(zip(fits, remainders, strict=True)), ln_total=b.ln_known + best.evidence)
+    return LawSearchResult(laws, advice, tuple(zip(fits, remainders, strict=True)), ln_total=b.ln_known + best.evidence)
 
 
 def _laws_and_noises(ranked: Ranking, nodes: Sequence[Node], alone: bool) -> LawsGivenCause:
@@ -478,7 +482,7 @@ def _compared_in(m: Fit, s: Search, sigma: Array, alone: bool = True) -> LawsGiv
     return replace(b, laws=laws)
 
 
-def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str]) -> tuple[Lawful, Fit]:
+def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str]) -> tuple[LawSearchResult, Fit]:
     """Seek laws in what a search of a view left, in noise of `sigma` (n, C); return the model with them too.
 
     One law after the other is added, until nothing is missing or what is missing has no formula. Where the library of
@@ -491,39 +495,39 @@ def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str]) -> tuple
     while not laws or (remaining.ln_total >= 2 * CLAIM and len({o.effect for o in laws}) < MAX_LAWS):
         b = _compared_in(m, remaining, sigma, alone=bool(laws) or hidden)
         if b is None:
-            return Lawful((), "" if hidden else law_sentences.REPEAT_TURNS), m
+            return LawSearchResult((), "" if hidden else law_sentences.REPEAT_TURNS), m
         g, every = b.ground, b.laws
         cost_of_choice = every[0].cost if every else 0.0  # a shape of the same rows was not chosen among formulas
         best, others = chosen_law(g, every, _best_else(remaining) - b.ln_known - cost_of_choice)
         if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):
-            return Lawful(), m
+            return LawSearchResult(), m
         if not laws and best is not None and (as_likely := _known_causes_as_likely(remaining, best, b.total)):
             assert remaining.best_known is not None
             causes = selected_causes(remaining, remaining.best_known.members)
-            return Lawful(recommend=as_likely, known=causes), m
+            return LawSearchResult(recommend=as_likely, known=causes), m
         if best is None:
             lacking = law_sentences.LACK_OF_FIT.format(law=laws[0].expression) if laws else ""
             words = lacking or what_would_determine(every, others, g, v.kind)
-            return Lawful(tuple(laws), words, ln_total=total), with_them
+            return LawSearchResult(tuple(laws), words, ln_total=total), with_them
         with_law_too, x, covariance = fitted_columns(b.searches[0].fit, best.columns)
         if _cancels_sensor(best, x):
             words = law_sentences.LACK_OF_FIT.format(law=printed_form(best))
-            return Lawful(tuple(laws), words, ln_total=total), with_them
+            return LawSearchResult(tuple(laws), words, ln_total=total), with_them
         with_them, total = with_law_too, max(total, 0.0) + b.ln_known + best.evidence
         ids = [o.effect for o in laws]
         new = found_law(best, x, covariance, (0.0, 0.0), others, v.title, ids, v, (*known, *b.name))
         laws += with_curves(new, best, x, covariance, with_them.residual, g, others)
         remaining = search(with_them)
-    return Lawful(tuple(laws), ln_total=total), with_them
+    return LawSearchResult(tuple(laws), ln_total=total), with_them
 
 
-def with_heldout(lawful: Lawful, fit: ViewFit) -> Lawful:
+def with_heldout(law_search: LawSearchResult, fit: ViewFit) -> LawSearchResult:
     """Return the laws with the held-out misfit if they reduce it, else no law."""
     before, after = fit.heldout_before, fit.heldout_after
-    if not lawful.laws or after < before:
-        laws = (replace(law, heldout_before=before, heldout_after=after) for law in lawful.laws)
-        return replace(lawful, laws=tuple(laws))
-    return Lawful((), law_sentences.LACK_OF_FIT.format(law=lawful.laws[0].expression))
+    if not law_search.laws or after < before:
+        laws = (replace(law, heldout_before=before, heldout_after=after) for law in law_search.laws)
+        return replace(law_search, laws=tuple(laws))
+    return LawSearchResult((), law_sentences.LACK_OF_FIT.format(law=law_search.laws[0].expression))
 
 
 def separating_manoeuvre(o: Fit, law: Law, size: Array, other: Law, asked: bool = True) -> str:
