@@ -203,7 +203,7 @@ def _view_diagnosis(case: _Case, c: Ranking, d: Decision, law: LawSearchResult |
         c.searches[lead].fit.view, d.verdict, mismatch, named, shapes_with_laws(shapes, law.laws), fitted,
         answers[lead].curves,
         calibration=joint.calibration(case.known), laws=law.laws, recommend=law.recommend,
-        outcome=law.misheld, evidence=_evidence_of_ranking(c, d, case.clean),
+        outcome=law.position_outliers, evidence=_evidence_of_ranking(c, d, case.clean),
         together=tuple(s.fit.view for s in c.searches),
         without=lambda effect: joint.without(effect).calibration(case.known),
     )  # fmt: skip

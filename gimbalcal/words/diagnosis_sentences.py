@@ -210,7 +210,7 @@ def separate_verdicts(rows: Sequence[RecordingFit]) -> str:
     return f"With this model each alone would have said: {each}."
 
 
-def misheld_positions(each: Sequence[Sequence[str]]) -> str:
+def position_outliers_in_words(each: Sequence[Sequence[str]]) -> str:
     """Return sentences on positions of recordings that were not held where the readouts say; empty for none."""
     sentences = [
         f"{capitalised(words.rstrip('.'))}{f' in recording {k + 1}' * (len(each) > 1)}."

@@ -53,7 +53,7 @@ from gimbalcal.progress import Progress
 from gimbalcal.recording.kinds import Kind
 from gimbalcal.views.core import Fit
 from gimbalcal.words import law_sentences
-from gimbalcal.words.diagnosis_sentences import misheld_positions, repeat_advice, separation_advice
+from gimbalcal.words.diagnosis_sentences import position_outliers_in_words, repeat_advice, separation_advice
 from gimbalcal.words.naming import without_underscores
 
 MAX_LAWS = 3  # laws of one view
@@ -86,7 +86,7 @@ class LawSearchResult:
     formula_is_likelier: bool = False  # than all causes, though it is not good enough to be reported
     ln_total: float = -np.inf  # ln evidence of the first law with its known cause, against nothing
     known: tuple[SelectedCause, ...] = ()  # causes of the catalogue that explain a view as well as the best formula
-    misheld: str = ""  # sentences on positions that were not held where the readouts say, a fault and no law
+    position_outliers: str = ""  # sentences on positions that were not held as read: a fault, no law
 
 
 def chosen_law(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
@@ -149,14 +149,14 @@ def law_of_misfit(
     if d.verdict != "unexplained":
         return LawSearchResult()
     progress(law_sentences.SEARCHING_REPLACEMENT if instead else law_sentences.SEARCHING)
-    misheld = misheld_positions([position_faults(s.fit.view.source) for s in ranked.searches])
-    if misheld and len(ranked.searches) == 1:
-        return LawSearchResult(recommend=law_sentences.REPEAT_POSITIONS, misheld=misheld)
+    outliers = position_outliers_in_words([position_faults(s.fit.view.source) for s in ranked.searches])
+    if outliers and len(ranked.searches) == 1:
+        return LawSearchResult(recommend=law_sentences.REPEAT_POSITIONS, position_outliers=outliers)
     nodes = [fit_causes(s, ranked.within(d.shapes, k)[:1]).projection.node for k, s in enumerate(ranked.searches)]
     law = law_of_searches(ranked, nodes, np.random.default_rng(seed), instead)
-    if misheld and not law.laws:  # no position is held wrongly twice by chance
+    if outliers and not law.laws:  # no position is held wrongly twice by chance
         law = LawSearchResult(recommend=law_sentences.REPEAT_POSITIONS)
-    return replace(law, misheld=misheld)
+    return replace(law, position_outliers=outliers)
 
 
 def beyond_walk(
@@ -193,7 +193,8 @@ def against_walk(law: LawSearchResult, walk: RandomWalkFinding, advice: str) -> 
     advice: what distinguishes the two, where the formulas have no advice of their own.
     """
     odds = law.ln_total - walk.ln_total
-    return law if odds > -CLAIM else LawSearchResult(recommend=law.recommend or advice, misheld=law.misheld), odds
+    without = LawSearchResult(recommend=law.recommend or advice, position_outliers=law.position_outliers)
+    return law if odds > -CLAIM else without, odds
 
 
 def law_of_searches(
