@@ -17,15 +17,15 @@ from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, SEPARATION_EVIDENCE, UNKNOWN
 from gimbalcal.diagnose.evidence.stated_noise import nats_beyond_stated_scatter, nominal_noise
 from gimbalcal.diagnose.laws.expressions import Expression
-from gimbalcal.diagnose.laws.grounds import with_law
 from gimbalcal.diagnose.laws.law_curve import with_curves
 from gimbalcal.diagnose.laws.law_file import found_law, printed_form
+from gimbalcal.diagnose.laws.law_problems import with_law
 from gimbalcal.diagnose.laws.law_search import (
     MIN_SHARE_OF_COLUMN,
     SAME_CORRELATION,
     STAGE,
-    Ground,
     Law,
+    LawProblem,
     aliases,
     centred_jumps,
     free_numbers,
@@ -89,7 +89,7 @@ class LawSearchResult:
     position_outliers: str = ""  # sentences on positions that were not held as read: a fault, no law
 
 
-def chosen_law(g: Ground, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
+def chosen_law(g: LawProblem, laws: Sequence[Law], shape: float) -> tuple[Law | None, list[Law]]:
     """Return the law to be stated, a closed form before a table, and those that are nearly as likely; None without one.
 
     shape: ln evidence of the best shape without a cause.
@@ -125,7 +125,7 @@ def _forms(law: Law) -> list[tuple[str, str]]:
     return [(t.form.key, t.variable.name) for t in law.expression.terms]
 
 
-def what_would_determine(laws: Sequence[Law], others: Sequence[Law], g: Ground, kind: Kind) -> str:
+def what_would_determine(laws: Sequence[Law], others: Sequence[Law], g: LawProblem, kind: Kind) -> str:
     """Return what would determine a law where these data do not, in a sentence."""
     s = g.places[0].stimulus
     if others and laws:
@@ -207,7 +207,7 @@ def law_of_searches(
     """
     searches = ranked.searches
     b = _laws_and_noises(ranked, nodes, alone=bool(instead))
-    g, every = b.ground, b.laws
+    g, every = b.problem, b.laws
     best_else = _best_else(ranked)
     best, others = chosen_law(g, every, best_else + (SEPARATION_EVIDENCE + NAME_ODDS) * bool(instead) - b.ln_known)
     if best is None and instead:
@@ -497,7 +497,7 @@ def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str]) -> tuple
         b = _compared_in(m, remaining, sigma, alone=bool(laws) or hidden)
         if b is None:
             return LawSearchResult((), "" if hidden else law_sentences.REPEAT_TURNS), m
-        g, every = b.ground, b.laws
+        g, every = b.problem, b.laws
         cost_of_choice = every[0].cost if every else 0.0  # a shape of the same rows was not chosen among formulas
         best, others = chosen_law(g, every, _best_else(remaining) - b.ln_known - cost_of_choice)
         if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):

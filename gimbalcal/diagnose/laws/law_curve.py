@@ -18,7 +18,7 @@ import numpy as np
 
 from gimbalcal.diagnose.answer import PRINTED
 from gimbalcal.diagnose.laws.law_file import printed_form
-from gimbalcal.diagnose.laws.law_search import MIN_SHARE_OF_COLUMN, Ground, Law, Place
+from gimbalcal.diagnose.laws.law_search import MIN_SHARE_OF_COLUMN, Law, LawProblem, Place
 from gimbalcal.diagnose.result import LawCurve, LawResult
 from gimbalcal.inference.algebra import beyond, orthonormal_columns
 from gimbalcal.number import Array
@@ -30,8 +30,9 @@ MIN_RESPONSE = 0.2  # of the largest response of a row: less shows mostly noise 
 
 
 def with_curves(
-    laws: Sequence[LawResult], law: Law, x: Array, covariance: Array, remainder: Array, g: Ground, others: Sequence[Law]
-) -> tuple[LawResult, ...]:
+    laws: Sequence[LawResult], law: Law, x: Array, covariance: Array, remainder: Array, g: LawProblem,
+    others: Sequence[Law],
+) -> tuple[LawResult, ...]:  # fmt: skip
     """Return the results of a law at its q places with their curves, of coefficients x (q m,) and their covariance, SI.
 
     remainder (n', C): what the rows leave with the law in the model, in the unit of the columns of the law's place.
@@ -68,7 +69,7 @@ def with_curves(
     return tuple(out)
 
 
-def _held_out(law: Law, x: Array, alone: bool, g: Ground) -> Array:
+def _held_out(law: Law, x: Array, alone: bool, g: LawProblem) -> Array:
     """Return what a law adds at its q places (q, n) [SI] in each part of its domain, fitted to the other parts.
 
     x (q, m): coefficients of the fit to all rows; nonlinear constants are those of that fit. Rows of a part are left
@@ -95,14 +96,14 @@ def _held_out(law: Law, x: Array, alone: bool, g: Ground) -> Array:
     return out
 
 
-def _aligned_curve(other: Law, law: Law, k: int, value: Array, g: Ground) -> Array:
+def _aligned_curve(other: Law, law: Law, k: int, value: Array, g: LawProblem) -> Array:
     """Return what another law adds at place k (n,) [SI], moved to the `value` of a law by what is calibrated there."""
     size = np.linalg.lstsq(g.remainder(g.whiten(other.columns)), g.y, rcond=1e-9)[0]
     added = other.expression.columns @ size.reshape(len(law.places), -1)[k]
     return _shifted_curve(added, value, law, law.places[k], g, np.ones(len(value), bool))
 
 
-def _shifted_curve(added: Array, value: Array, law: Law, place: Place, g: Ground, rows: Array) -> Array:
+def _shifted_curve(added: Array, value: Array, law: Law, place: Place, g: LawProblem, rows: Array) -> Array:
     """Return `added` (n,) shifted to the `value` of a law in some rows, by the constant and slope that are fitted."""
     x = law.expression.variables[0].x
     line = np.stack([np.ones_like(x), (x - x.mean()) / max(float(np.ptp(x)), 1e-300)], axis=1)

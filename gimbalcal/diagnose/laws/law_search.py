@@ -97,8 +97,8 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
-    """In what a law is sought: places, the likeliest noise, calibration and data in it, and the full evidence.
+class LawProblem:
+    """The problem of finding a law: places, the likeliest noise, calibration and data in it, and the full evidence.
 
     whiten: (n', C, m) to rows (R, m) of unit variance; Q (R, q) orthonormal calibration and y (R,) data so whitened;
     evidence: sets of columns (n', C, m) to their ln Bayes factors over all noises and sizes; shape: (n', C); parts:
@@ -155,7 +155,7 @@ class BlockResponse:
         return replace(self, root=self.root[places], absorbed=self.absorbed[places], y=self.y[places])
 
 
-def block_response(g: Ground, places: Sequence[Place]) -> BlockResponse:
+def block_response(g: LawProblem, places: Sequence[Place]) -> BlockResponse:
     """Return the response of the whitened rows, calibration removed, to even additions over blocks of like places."""
     block, blocks = places[0].block, int(places[0].block[-1]) + 1
     even = (block[:, None] == np.arange(blocks)).astype(float)
@@ -165,7 +165,7 @@ def block_response(g: Ground, places: Sequence[Place]) -> BlockResponse:
     return BlockResponse(*_thinned_rows(block, blocks), root[:, first:], absorbed, y[:, first:])
 
 
-def _roots(g: Ground, M: Array) -> tuple[Array, Array, Array]:
+def _roots(g: LawProblem, M: Array) -> tuple[Array, Array, Array]:
     """Return root, absorbed and y of the response M (R, blocks) of whitened rows at one place."""
     absorbed = g.Q.T @ M
     remainder = M - g.Q @ absorbed
@@ -262,16 +262,16 @@ class Law:
         return [(m, float(np.sqrt(C[k, k]))) for k, m in enumerate(moves)]
 
 
-def laws_of(grounds: Sequence[Ground], products: bool = True) -> list[list[Law]]:
-    """Return for each ground the expressions that explain something, by evidence, best first; of those that are one in
+def laws_of(problems: Sequence[LawProblem], products: bool = True) -> list[list[Law]]:
+    """Return for each problem the expressions that explain something, by evidence, best first; of those that are one in
     this recording each.
 
-    The grounds are of the same recordings, each with its noise and its known causes, so that an expression is evaluated
-    once for all of them. products: whether products are searched too, or single terms alone.
+    All are of the same recordings, each with its noise and its known causes, so that an expression is evaluated once
+    for all of them. products: whether products are searched too, or single terms alone.
     """
-    scored, number = [list[Scored]() for _ in grounds], np.zeros((len(grounds), 3))
+    scored, number = [list[Scored]() for _ in problems], np.zeros((len(problems), 3))
     alike: dict[tuple[int, int, int], dict[int, list[Target]]] = {}
-    for k, g in enumerate(grounds):
+    for k, g in enumerate(problems):
         for key, targets in _places_alike(g).items():
             alike.setdefault(key, {})[k] = targets
     for each in alike.values():
@@ -281,10 +281,10 @@ def laws_of(grounds: Sequence[Ground], products: bool = True) -> list[list[Law]]
         for k, own in zip(each, _best_families(list(each.values()), laws), strict=True):
             scored[k] += own
             number[k] += len(each[k]) * count
-    return [_weighed(*own) for own in zip(grounds, scored, number, strict=True)]
+    return [_weighed(*own) for own in zip(problems, scored, number, strict=True)]
 
 
-def _weighed(g: Ground, scored: list[Scored], number: Array) -> list[Law]:
+def _weighed(g: LawProblem, scored: list[Scored], number: Array) -> list[Law]:
     """Return the best expressions as laws, by evidence; number (3,) of families of each length that were looked at."""
     chosen = list[tuple[Target, Expression]]()
     for several, share in ((False, 1), (True, SHARE_OF_TRIADS)):
@@ -300,8 +300,8 @@ def _weighed(g: Ground, scored: list[Scored], number: Array) -> list[Law]:
     return sorted(laws, key=lambda law: -law.evidence)
 
 
-def weighed_in(g: Ground, laws: Sequence[Law]) -> list[Law]:
-    """Return laws with their evidence in another ground of the same recordings."""
+def weighed_in(g: LawProblem, laws: Sequence[Law]) -> list[Law]:
+    """Return laws with their evidence in another problem of the same recordings."""
     moved = list[tuple[tuple[Place, ...], Expression]]()
     for law in laws:
         keys = [(p.channel, p.axis) for p in law.places]
@@ -312,7 +312,7 @@ def weighed_in(g: Ground, laws: Sequence[Law]) -> list[Law]:
             for law, (places, e), gained in zip(laws, moved, ln, strict=True)]  # fmt: skip
 
 
-def _evidence_of_spans(g: Ground, each: Sequence[tuple[tuple[Place, ...], Expression]]) -> Array:
+def _evidence_of_spans(g: LawProblem, each: Sequence[tuple[tuple[Place, ...], Expression]]) -> Array:
     """Return the ln Bayes factor of columns of rms one that span those of each expression, at each of its places."""
     return g.evidence([_columns_at(places, orthonormal_span(e.columns)) for places, e in each])
 
@@ -366,7 +366,7 @@ class Target:
         return self.of_all.at(self.at)
 
 
-def _places_alike(g: Ground) -> dict[tuple[int, int, int], list[Target]]:
+def _places_alike(g: LawProblem) -> dict[tuple[int, int, int], list[Target]]:
     """Return the places that show additions, those together in which the same variables stand."""
     alike: dict[tuple[int, int, int], list[Place]] = {}
     for place in g.places:
@@ -414,7 +414,7 @@ def _at_rows(e: Expression, response: BlockResponse) -> Expression:
     return e.of(replace(v, x=v.x[response.rows]) for v in e.variables)
 
 
-def trimmed_law(g: Ground, law: Law) -> Law:
+def trimmed_law(g: LawProblem, law: Law) -> Law:
     """Return the law with powers from the references of its variables, without columns that explain next to nothing.
 
     What the calibration takes up has no size, and a lower power may be none of the law. The noise is no larger than
@@ -435,12 +435,12 @@ def trimmed_law(g: Ground, law: Law) -> Law:
     return replace(law, expression=e.of(law.expression.variables))
 
 
-def _variance_left(g: Ground, worth: float) -> float:
+def _variance_left(g: LawProblem, worth: float) -> float:
     """Return the variance of rows with a law that takes away so much of the misfit, at most that without it."""
     return float(np.clip((g.y @ g.y - 2 * worth) / max(len(g.y) - g.Q.shape[1], 1), LEAST_VARIANCE, 1.0))
 
 
-def centred_jumps(g: Ground, law: Law) -> Law:
+def centred_jumps(g: LawProblem, law: Law) -> Law:
     """Return a law whose jumps are in the middle of where the data allow them.
 
     Between two rows the likelihood of a jump is level, and a search ends anywhere there; the mean over the likelihood
@@ -477,27 +477,27 @@ def _cost_of_unusual(place: Place, e: Expression) -> float:
     return UNUSUAL_NATS * (sum(v.group == of for v in e.variables) + sum(t.form.key in RARE_FORMS for t in e.terms))
 
 
-def _best_families(grounds: Sequence[Sequence[Target]], laws: Sequence[Family]) -> list[list[Scored]]:
-    """Return for each ground the best families of each length at each of its targets, at their best constants; at
+def _best_families(problems: Sequence[Sequence[Target]], laws: Sequence[Family]) -> list[list[Scored]]:
+    """Return for each problem the best families of each length at each of its targets, at their best constants; at
     several places those that are better than at one.
 
     What they explain is less the cost of coefficients and grid. The means of an expression are formed once.
     """
-    tops = [[dict[str, Best]() for _ in targets] for targets in grounds]
+    tops = [[dict[str, Best]() for _ in targets] for targets in problems]
     for k in range(0, len(laws), CHUNK):
         by_width: dict[int, list[tuple[Family, Array]]] = {}
         for law in laws[k : k + CHUNK]:
-            B = grounds[0][0].of_all.means(law)
+            B = problems[0][0].of_all.means(law)
             if B.shape[1] <= COEFFICIENTS or law[0].terms[0].form.key == "table":
                 by_width.setdefault(B.shape[1], []).append((law, B))
         for m, own in by_width.items():
             columns, ends = np.concatenate([B for _, B in own], axis=-1), np.cumsum([B.shape[2] for _, B in own])[:-1]
-            for targets, of_ground in zip(grounds, tops, strict=True):
+            for targets, of_problem in zip(problems, tops, strict=True):
                 each = likelihood_gains(targets[0].of_all, columns) - 2.0 * m
                 worths = np.stack([each[target.at].sum(axis=0) for target in targets])
                 for (law, _), worth in zip(own, np.split(worths, ends, axis=1), strict=True):
-                    _keep_better(of_ground, law, worth)
-    return [_best_by_length(targets, own) for targets, own in zip(grounds, tops, strict=True)]
+                    _keep_better(of_problem, law, worth)
+    return [_best_by_length(targets, own) for targets, own in zip(problems, tops, strict=True)]
 
 
 Best = tuple[float, Family, int]
@@ -687,7 +687,7 @@ def _by_derivatives(response: BlockResponse, e: Expression, moves: Sequence[_Mov
     return minimise(model, np.zeros((1, len(moves))), SETTLED, MOST_STEPS, GAIN).x[0] * steps
 
 
-def aliases(g: Ground, law: Law) -> list[Law]:
+def aliases(g: LawProblem, law: Law) -> list[Law]:
     """Return the law with other harmonics of its angles whose columns span the same space here, calibration removed.
 
     At multiples of 45 deg the fifth harmonic is the third: no evidence distinguishes what no row shows.
@@ -706,7 +706,7 @@ def aliases(g: Ground, law: Law) -> list[Law]:
     return out
 
 
-def response_of(g: Ground, law: Law) -> Array:
+def response_of(g: LawProblem, law: Law) -> Array:
     """Return what a law, fitted, adds to the whitened rows, calibration removed, as a unit vector (R,)."""
     Q = orthonormal(g.remainder(g.whiten(law.columns)))
     added = Q @ (Q.T @ g.y)

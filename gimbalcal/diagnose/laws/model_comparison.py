@@ -17,8 +17,8 @@ from gimbalcal.diagnose.evidence.correlated_noise import possible_noises
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.odds import CLAIM, SEPARATION_EVIDENCE
 from gimbalcal.diagnose.evidence.projection import project_all
-from gimbalcal.diagnose.laws.grounds import ground_of_search, ground_of_unit
-from gimbalcal.diagnose.laws.law_search import Ground, Law, free_numbers, laws_of, weighed_in
+from gimbalcal.diagnose.laws.law_problems import problem_of_search, problem_of_unit
+from gimbalcal.diagnose.laws.law_search import Law, LawProblem, free_numbers, laws_of, weighed_in
 from gimbalcal.diagnose.library.candidates import Candidate, Library
 from gimbalcal.diagnose.search.fitted_causes import fit_causes
 from gimbalcal.diagnose.search.ranking import Hypothesis, Ranking, Search, log_evidence, reduced_rows
@@ -31,12 +31,12 @@ NAME_ODDS = float(np.log(1000.0))  # odds at which a term with a known cause giv
 
 @dataclass(frozen=True)
 class LawsGivenCause:
-    """Laws by evidence in a ground, and the known cause that is in the model there with its ln evidence; or none.
+    """Laws by evidence in a problem, and the known cause that is in the model there with its ln evidence; or none.
 
     searches: those of the views with that cause in their models.
     """
 
-    ground: Ground
+    problem: LawProblem
     laws: Sequence[Law]
     known: Candidate | None = None
     ln_known: float = 0.0
@@ -65,22 +65,24 @@ def compare_models(
     no addition to a sensor or gimbal shows.
     """
 
-    def common_ground(own: Sequence[Search], nodes: Sequence[Node]) -> Ground | None:
-        each = [g for s, node in zip(own, nodes, strict=True) if (g := ground_of_search(s, node, sigma)) is not None]
-        return ground_of_unit(each) if len(each) == len(own) else None
+    def joint_problem(own: Sequence[Search], nodes: Sequence[Node]) -> LawProblem | None:
+        each = [g for s, node in zip(own, nodes, strict=True) if (g := problem_of_search(s, node, sigma)) is not None]
+        return problem_of_unit(each) if len(each) == len(own) else None
 
-    shown = [(g, nodes) for nodes in among if (g := common_ground(searches, nodes)) is not None]
+    shown = [(g, nodes) for nodes in among if (g := joint_problem(searches, nodes)) is not None]
     if not shown:
         return None
     found = zip(laws_of([g for g, _ in shown]), shown, strict=True)
     laws, (g, nodes) = max(found, key=lambda own: max((law.evidence for law in own[0]), default=-np.inf))
     likely = () if alone else _likely_causes(ranked)
     known = [(h, tuple(with_cause(s, ranked.within(h.members, k)) for k, s in enumerate(searches))) for h in likely]
-    grounds = [(h, with_known, own) for h, with_known in known if (own := common_ground(with_known, nodes)) is not None]
-    of_each = laws_of([own for *_, own in grounds], products=False)
+    problems = [
+        (h, with_known, own) for h, with_known in known if (own := joint_problem(with_known, nodes)) is not None
+    ]
+    of_each = laws_of([own for *_, own in problems], products=False)
     others = [
         LawsGivenCause(own, more, ranked.library.candidates[h.members[0]], h.ln_weight, with_known)
-        for (h, with_known, own), more in zip(grounds, of_each, strict=True)
+        for (h, with_known, own), more in zip(problems, of_each, strict=True)
     ]
     more = weighed_in(g, [law for other in others for law in other.laws[:1]])
     best = LawsGivenCause(g, sorted([*laws, *more], key=lambda law: -law.evidence), searches=tuple(searches))

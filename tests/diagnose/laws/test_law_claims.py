@@ -16,7 +16,6 @@ from gimbalcal import calibrate, load_effects
 from gimbalcal.diagnose.entry import diagnose
 from gimbalcal.diagnose.laws import law_claims
 from gimbalcal.diagnose.laws.expressions import Expression, terms_of_variable
-from gimbalcal.diagnose.laws.grounds import equal_stretches
 from gimbalcal.diagnose.laws.law_claims import (
     _evidence_without_clearest_groups,
     _rival_laws,
@@ -26,7 +25,8 @@ from gimbalcal.diagnose.laws.law_claims import (
 )
 from gimbalcal.diagnose.laws.law_curve import _held_out
 from gimbalcal.diagnose.laws.law_file import source_text
-from gimbalcal.diagnose.laws.law_search import Ground, Law, Place
+from gimbalcal.diagnose.laws.law_problems import equal_stretches
+from gimbalcal.diagnose.laws.law_search import Law, LawProblem, Place
 from gimbalcal.diagnose.laws.variables import variables
 from gimbalcal.diagnose.library.assemble import assemble_library
 from gimbalcal.diagnose.result import LawResult, Shape
@@ -210,7 +210,7 @@ def test_what_a_law_predicts_is_fitted_to_the_other_rows():
     B, one = law.expression.columns, np.ones((n, 1))
     y = 2 * B[:, 0] + np.std(B) * rng.standard_normal(n)
     Q = one / np.sqrt(n)
-    g = Ground([place], lambda X: X.reshape(-1, X.shape[-1]), Q, y - Q @ (Q.T @ y), None, (n, 1))
+    g = LawProblem([place], lambda X: X.reshape(-1, X.shape[-1]), Q, y - Q @ (Q.T @ y), None, (n, 1))
     x = np.linalg.lstsq(g.remainder(B), g.y, rcond=None)[0]
     predicted = _held_out(law, x[None], True, g)[0]
     rank = np.argsort(np.argsort(np.bincount(block, follows.x) / np.bincount(block)))

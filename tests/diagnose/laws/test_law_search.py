@@ -25,8 +25,8 @@ from gimbalcal.diagnose.laws.law_file import _with_numbers as printed_form
 from gimbalcal.diagnose.laws.law_file import law_as_written
 from gimbalcal.diagnose.laws.law_search import (
     BlockResponse,
-    Ground,
     Law,
+    LawProblem,
     Place,
     block_response,
     centred_jumps,
@@ -202,13 +202,15 @@ def test_a_law_is_trimmed_where_the_calibration_has_as_many_parameters_as_there_
     n, s = 8, rich("multi-position")
     T = Variable("temperature", "degC", np.linspace(0.0, 1.0, n), "", "logged", 0.5)
     place = Place("specific_force", "x", (T,), s, np.arange(n), lambda X: X[:, None, :])
-    g = Ground((place,), lambda X: X.reshape(n, -1), np.eye(n), np.ones(n), lambda sets: np.zeros(len(sets)), (n, 1))
+    g = LawProblem(
+        (place,), lambda X: X.reshape(n, -1), np.eye(n), np.ones(n), lambda sets: np.zeros(len(sets)), (n, 1)
+    )
     law = Law((place,), Expression((Term(T, FORMS["to x^3"], (), 1),)), 0.0, block_response(g, [place]))
     assert len(trimmed_law(g, law).expression.groups) == 1
 
 
 def ground_of(v, signal, kind="multi-position"):
-    """A ground of one accelerometer whose rows hold a signal in unit noise, bias removed; and that noise by itself."""
+    """A problem of one accelerometer whose rows hold a signal in unit noise, bias removed; and that noise by itself."""
     n = len(v.x)
     place = Place("specific_force", "x", (v,), rich(kind), np.arange(n), lambda X: X[:, None, :])
     Q = np.ones((n, 1)) / np.sqrt(n)
@@ -219,11 +221,11 @@ def ground_of(v, signal, kind="multi-position"):
         spans = [np.linalg.qr(A - Q @ (Q.T @ A))[0] for A in (X.reshape(n, -1) for X in sets)]
         return np.array([((own.T @ y) ** 2).sum() / 2 for own in spans])
 
-    return Ground((place,), lambda X: 10 * X.reshape(n, -1), Q, y, evidence, (n, 1)), noise
+    return LawProblem((place,), lambda X: 10 * X.reshape(n, -1), Q, y, evidence, (n, 1)), noise
 
 
 def curved(size, shape=lambda T: np.maximum(T - 22.0, 0.0) ** 1.6):
-    """A ground of 60 rows with an onset at 22 degC of this size in noise of one, and laws of it by their forms."""
+    """A problem of 60 rows with an onset at 22 degC of this size in noise of one, and laws of it by their forms."""
     v = Variable("temperature", "degC", np.linspace(20.5, 25.0, 60), "", "logged", 22.75, 20.0)
     g, _ = ground_of(v, size * shape(v.x))
     response = block_response(g, g.places)

@@ -11,7 +11,7 @@ import numpy as np
 
 from gimbalcal.diagnose.evidence.node import Node
 from gimbalcal.diagnose.evidence.projection import project, rows_like
-from gimbalcal.diagnose.laws.law_search import STAGE, Ground, Place
+from gimbalcal.diagnose.laws.law_search import STAGE, LawProblem, Place
 from gimbalcal.diagnose.laws.variables import joined_variables, variables
 from gimbalcal.diagnose.library.candidates import Candidate, Library, layout_of
 from gimbalcal.diagnose.library.shapes import MIN_TRAVEL_RAD, RIVAL_SIGMA, unknown_shape
@@ -36,7 +36,7 @@ def equal_stretches(n: int, most: int = STRETCHES, group: Array | None = None) -
     return np.cumsum((np.diff(equal, prepend=0) != 0) | (np.diff(group, prepend=group[:1]) != 0))
 
 
-def ground_of_search(s: Search, node: Node, sigma: float) -> Ground | None:
+def problem_of_search(s: Search, node: Node, sigma: float) -> LawProblem | None:
     """Return the sensors and gimbals whose additions the rows of a search show, in its likeliest noise; or None.
 
     sigma: of a row, in the unit of reduced rows.
@@ -53,7 +53,7 @@ def ground_of_search(s: Search, node: Node, sigma: float) -> Ground | None:
         rows = rows_like(s.rows, X)
         return bayes_factors([project(p.node, rows) for p in s.projections], layout_of(of))[1]
 
-    return Ground(places, lambda X: node.whiten(s.fit.reduced(X)) / sigma, Q, beyond(Q, y), evidence, (n, C))
+    return LawProblem(places, lambda X: node.whiten(s.fit.reduced(X)) / sigma, Q, beyond(Q, y), evidence, (n, C))
 
 
 def _places(fit: Fit) -> list[Place]:
@@ -79,7 +79,7 @@ def _places(fit: Fit) -> list[Place]:
     return out
 
 
-def ground_of_unit(each: Sequence[Ground]) -> Ground:
+def problem_of_unit(each: Sequence[LawProblem]) -> LawProblem:
     """Several recordings of one unit as one: a law has one form and one set of constants in all of them.
 
     Calibration and noise are each recording's own, so rows stand one after the other and Bayes factors multiply. A
@@ -103,10 +103,10 @@ def ground_of_unit(each: Sequence[Ground]) -> Ground:
         return np.asarray(sum(g.evidence(list(X)) for g, X in zip(each, own, strict=True)))
 
     Q = block_diagonal([g.Q for g in each])
-    return Ground(places, whiten, Q, np.concatenate([g.y for g in each]), evidence, (at[-1], 1), parts)
+    return LawProblem(places, whiten, Q, np.concatenate([g.y for g in each]), evidence, (at[-1], 1), parts)
 
 
-def _joined_place(each: Sequence[Ground], channel: str, axis: str) -> Place:
+def _joined_place(each: Sequence[LawProblem], channel: str, axis: str) -> Place:
     """One output or gimbal of all recordings that have it."""
     own = {k: p for k, g in enumerate(each) for p in g.places if (p.channel, p.axis) == (channel, axis)}
     first = next(iter(own.values()))
