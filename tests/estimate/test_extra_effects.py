@@ -115,7 +115,7 @@ def test_what_needs_an_angle_is_refused_where_none_is_known():
     (r,) = load([XSENS])
     with refused():
         extra_effects(["gimbal_flexure"], [r])
-    with refused():
+    with refused(choice="lever_arm"):
         inertial_unit(r, (), extra_effects(["base_tilt_drift"], [r]))
 
 

@@ -158,12 +158,22 @@ def golden_text(*texts: object) -> None:
 
 
 @contextmanager
-def refused(error: type[Exception] = InputError) -> Iterator[None]:
-    """Expect an error whose message is one line, and compare it with the section of the running test."""
+def refused(error: type[Exception] = InputError, choice: str = "") -> Iterator[None]:
+    """Expect an error whose message is one line, and compare it with the section of the running test.
+
+    choice: one effect of the list that it ends with, which is then not compared: every new effect makes it longer.
+    """
     with pytest.raises(error) as caught:
         yield
     assert "\n" not in str(caught.value)
-    golden_text(caught.value)
+    golden_text(without_choices(str(caught.value), choice) if choice else caught.value)
+
+
+def without_choices(text: str, choice: str) -> str:
+    """Return a sentence without the list of effects that it ends with, of which `choice` is one."""
+    sentence, _, choices = text.partition(" choose from ")
+    assert choice in choices.split(", ")
+    return sentence
 
 
 def alike(kept: list[str], now: list[str]) -> bool:
