@@ -1,6 +1,6 @@
 """Monte Carlo: the same scenario many times, on all cores or on a cluster, with the same answer whatever the number.
 
-    summary = run_campaign("wang2019-accelerometers", 500, Path("out"))
+    summary = run_campaign("wang2019-accelerometers-3arcmin", 500, Path("out"))
 
 Every run has its own random stream from the scenario's seed and its number; runs are computed in shares of fixed size,
 so neither the number of workers nor an interruption changes a digit. Shares are kept as they come; a campaign that was
