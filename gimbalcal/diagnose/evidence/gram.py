@@ -3,7 +3,8 @@ r"""Gram matrices of columns, stored as one triangle, and their reduction by col
 .. math:: G' = G - U U^T, \qquad U = G_a L^{-T}, \qquad L L^T = G_{aa} + s^{-2} I
 
 is what columns a of prior size s leave of G (Schur's complement). A thousand positions have 1600 columns and 24
-noises, while a search needs only the few products of each cause with itself: the others are not computed.
+noises, while a search needs only the few products of each cause with itself: the others are not computed. Fewer rows
+than columns are kept themselves in the place of the triangle, and a product is formed when it is asked for.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ class Gram:
     triangles: tuple[Array, ...]  # (P (P + 1) / 2,) each, or more where there is room for further columns
     taken: Array  # (P, a)
     weights: Array | None = None  # (triangles,) in the sum; None where there is one triangle
+    columns: Array | None = None  # (P, R) the columns of few rows R, in the place of triangles
 
     @classmethod
     def of(cls, G: Array, room: Array | None = None) -> Gram:
@@ -42,15 +44,20 @@ class Gram:
 
     def products(self, i: Array, j: Array) -> Array:
         """Products (..., v, w) of columns i (..., v) with columns j (..., w)."""
-        upper, lower = np.maximum(i[..., :, None], j[..., None, :]), np.minimum(i[..., :, None], j[..., None, :])
-        at = upper * (upper + 1) // 2 + lower
-        gram = self.triangles[0][at]
-        if self.weights is not None:
-            others = zip(self.weights[1:], self.triangles[1:], strict=True)
-            gram = sum((w * t[at] for w, t in others), self.weights[0] * gram)
+        gram = self._whole_products(i, j)
         if not self.taken.shape[1]:
             return gram
         return np.asarray(gram - self.taken[i] @ np.swapaxes(self.taken[j], -1, -2))
+
+    def _whole_products(self, i: Array, j: Array) -> Array:
+        """The same with nothing taken."""
+        if self.columns is not None:
+            return np.asarray(self.columns[i] @ np.swapaxes(self.columns[j], -1, -2))
+        upper, lower = np.maximum(i[..., :, None], j[..., None, :]), np.minimum(i[..., :, None], j[..., None, :])
+        at = upper * (upper + 1) // 2 + lower
+        if self.weights is None:
+            return self.triangles[0][at]
+        return np.asarray(sum(w * t[at] for w, t in zip(self.weights, self.triangles, strict=True)))
 
     def block(self, index: Array) -> Array:
         """Products (..., w, w) of columns (..., w) with each other."""

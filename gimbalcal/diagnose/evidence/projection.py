@@ -11,6 +11,7 @@ It is averaged over s, over the variants of a candidate and, by the posterior we
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -45,6 +46,11 @@ class ReducedRows:
     y: Array  # (R, m) data cleared of them
     scale: Stated | Free = STATED  # of white noise
     unit: float = 1.0  # of X and y, in those of reduced rows
+
+    @property
+    def few(self) -> bool:
+        """Return whether the rows, all of them coloured, are fewer than the columns."""
+        return len(self.low) == len(self.Q) <= self.P
 
 
 @dataclass(frozen=True)
@@ -124,6 +130,9 @@ def project_all(
     """
     if rows.scale.channels is not None and not any(n.scales for n in nodes):
         return _of_channel_scales(nodes, rows, rows.scale.channels, layout)
+    if rows.few:
+        known = before or itertools.repeat(None)
+        return tuple(_of_few_rows(node, rows, p) for node, p in zip(nodes, known, strict=False))
     if before and triangle_size(rows.P) <= len(before[0].G.triangles[0]):
         return tuple(_grown_projection(p, rows) for p in before)
     room = np.empty((len(nodes), triangle_size(rows.P + SPARE_COLUMNS)))
@@ -152,6 +161,8 @@ def _of_channel_scales(
 
 def project(node: Node, rows: ReducedRows, room: Array | None = None) -> Projection:
     """Whiten by a node, profile the calibration out, and form the Gram matrix (in `room`) and scores."""
+    if rows.few:
+        return _of_few_rows(node, rows)
     A = node.products(rows.low)  # some MB each: in place
     A += rows.high
     q, P = rows.q, rows.P
@@ -159,11 +170,26 @@ def project(node: Node, rows: ReducedRows, room: Array | None = None) -> Project
     K = np.linalg.solve(L, A[:q, q:])
     B = K.T @ K
     np.subtract(A[q:, q:], B, out=B)
-    logdet = 2 * float(np.log(np.diag(L)).sum())
-    G, misfit = Gram.of(B[:P, :P], room), np.diag(B)[P:].copy()
+    return _projection(node, rows, Gram.of(B[:P, :P], room), B[:P, P:].copy(), np.diag(B)[P:].copy(), L)
+
+
+def _of_few_rows(node: Node, rows: ReducedRows, before: Projection | None = None) -> Projection:
+    """The projection of few rows, whose columns are kept in the place of their products, behind those `before`."""
+    q = rows.q
+    old = np.zeros((0, len(rows.low))) if before is None or before.G.columns is None else before.G.columns
+    W = node.whiten(np.delete(rows.low, np.s_[q : q + len(old)], axis=1))
+    L = np.linalg.cholesky(W[:, :q].T @ W[:, :q])
+    left = beyond(np.linalg.solve(L, W[:, :q].T).T, W[:, q:]).T
+    columns, y = np.concatenate([old, left[: rows.P - len(old)]]), left[rows.P - len(old) :]
+    G = Gram((), np.zeros((rows.P, 0)), columns=columns)
+    return _projection(node, rows, G, columns @ y.T, (y**2).sum(axis=1), L)
+
+
+def _projection(node: Node, rows: ReducedRows, G: Gram, b: Array, misfit: Array, L: Array) -> Projection:
+    """The projection with these products; L (q, q): the Cholesky factor of those of the whitened calibration."""
     scale = rows.scale.with_memory(node.fresh)
     scale = scale.of_channels(node.scales) if node.scales else scale
-    return Projection(node, G, B[:P, P:].copy(), misfit, node.logdet + logdet, scale)
+    return Projection(node, G, b, misfit, node.logdet + 2 * float(np.log(np.diag(L)).sum()), scale)
 
 
 def _grown_projection(p: Projection, rows: ReducedRows) -> Projection:

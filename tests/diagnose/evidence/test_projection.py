@@ -89,6 +89,28 @@ def test_without_room_everything_is_projected_again():
     np.testing.assert_allclose(made.G.whole, project(node, rows).G.whole, atol=1e-11)
 
 
+def test_rows_fewer_than_columns_have_the_products_of_more():
+    node, Z, X, y = example()
+    loose, wide = Node((), {}, 1.0, 0.0, np.linspace(0.3, 1.0, 40)), np.random.default_rng(1).standard_normal((40, 60))
+    X = np.concatenate([X, wide], axis=1)
+    first, whole = stacked_rows(Z, X[:, :45], y, 40), stacked_rows(Z, X, y, 40)
+    for made in (
+        project_all([node, loose], whole),
+        project_all([node, loose], whole, project_all([node, loose], first)),
+    ):
+        for p, n in zip(made, (node, loose), strict=True):
+            assert p.G.columns is not None
+            some = [0, 3, 44, 45, 64]
+            expected = project(n, stacked_rows(Z, X[:, some], y, 40))
+            assert expected.G.columns is None
+            np.testing.assert_allclose(p.G.block(np.array(some)), expected.G.whole, atol=1e-11)
+            np.testing.assert_allclose(p.b[some], expected.b, atol=1e-11)
+            np.testing.assert_allclose([*p.misfit, p.penalty], [*expected.misfit, expected.penalty], rtol=1e-12)
+            size, given = 3.0, np.array([1, 4])
+            left, wanted = (condition_on(q, at, size).G for q, at in ((p, np.array(some)[given]), (expected, given)))
+            np.testing.assert_allclose(left.block(np.array(some)), wanted.whole, atol=1e-11)
+
+
 def test_all_noises_at_once_are_each_of_them():
     node, Z, X, y = example()
     rows = stacked_rows(Z, X, y, 40)
