@@ -43,15 +43,24 @@ class Whitening(NamedTuple):
         n, m, C = self.gain.shape
         y = rows.reshape(n, C, -1)
         p = y.shape[-1]
-        x, step = np.zeros((m, p)), max(1, BATCH_NUMBERS // max(C * p, 1))
+        state, after, step = np.zeros((m + C, p)), np.zeros((m + C, p)), max(1, BATCH_NUMBERS // max(C * p, 1))
         for start in range(0, n, step):
             out = np.empty((min(step, n - start), C, p))
-            for k in range(start, start + len(out)):
-                x *= self.Phi[k, :, None]
-                innovation = y[k] - self.H[k] @ x
-                x += self.gain[k] @ innovation
-                np.matmul(self.inverse[k], innovation, out=out[k - start])
+            for k, filtered in enumerate(self._of_state_and_row(slice(start, start + step))):
+                state[m:] = y[start + k]
+                np.matmul(filtered, state, out=after)
+                out[k] = after[m:]
+                state, after = after, state
             yield out.reshape(len(out) * C, p)
+
+    def _of_state_and_row(self, these: slice) -> Array:
+        """Return for these rows what makes of the state before and a row, (n, m + C, m + C), state and white row."""
+        Phi, H, gain, inverse = self.Phi[these], self.H[these], self.gain[these], self.inverse[these]
+        seen = H * Phi[:, None, :]
+        kept = np.eye(Phi.shape[1]) * Phi[:, None, :] - gain @ seen
+        return np.concatenate(
+            [np.concatenate([kept, gain], axis=2), np.concatenate([-inverse @ seen, inverse], axis=2)], axis=1
+        )
 
     def colour(self, white: Array) -> Array:
         """Colour independent rows (n C, p) of unit variance with this covariance."""
