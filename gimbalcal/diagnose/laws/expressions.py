@@ -17,6 +17,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -206,14 +207,19 @@ class Term:
     @cached_property
     def columns(self) -> Array:
         """The columns (n, m)."""
-        v = self.variable
-        x, per = v.x - v.origin if self.centred else v.x, self.unit_of_power
-        constants = self.constants
+        return np.stack(self._evaluated(self.variable.x, self.constants), axis=-1)
+
+    def at_each(self, constants: Array) -> Array:
+        """The columns (n, m, T) with each of T choices of the constants (T, k)."""
+        each = self._evaluated(self.variable.x[:, None], tuple(constants.T))
+        return np.stack([np.broadcast_to(X, (len(X), len(constants))) for X in each], axis=1)
+
+    def _evaluated(self, x: Array, constants: Sequence[Any]) -> list[Array]:
+        v, per = self.variable, self.unit_of_power
+        x = x - v.origin if self.centred else x
         if per != 1.0:
-            constants = tuple(
-                k / per if c.of == "x" else k for k, c in zip(constants, self.form.constants, strict=True)
-            )
-        return np.stack(self.form.columns(x / per, *constants), axis=-1)
+            constants = [k / per if c.of == "x" else k for k, c in zip(constants, self.form.constants, strict=True)]
+        return self.form.columns(x / per, *constants)
 
     @property
     def centred(self) -> bool:
@@ -386,12 +392,15 @@ class TermGroup:
     @cached_property
     def columns(self) -> Array:
         """The columns (n, m, T)."""
-        return np.stack([t.columns for t in self.terms], axis=-1)
+        if len(self.terms) == 1:
+            return self.terms[0].columns[..., None]
+        return self.terms[0].at_each(np.array([t.constants for t in self.terms]))
 
     @cached_property
     def factors(self) -> Array:
         """The columns (n, m, T) as they stand in a product."""
-        return np.stack([t.factors for t in self.terms], axis=-1)
+        one = np.ones((len(self.columns), int(self.terms[0].free_origin), len(self.terms)))
+        return np.concatenate([one, self.columns], axis=1)
 
 
 Family = tuple[TermGroup, ...]  # expressions that differ in constants alone: any term of one times any of the next
@@ -403,8 +412,10 @@ def terms_of_variable(v: Variable, s: Stimulus, keys: Sequence[str], rows: Array
     here = replace(v, x=v.x[rows])
     for key in keys:
         grid = _grid(v, FORMS[key], s)
-        candidates = [Term(here, FORMS[key], c, len(grid)) for c in grid]
-        out += [t for t in candidates if np.ptp(t.columns, axis=0).max() > 1e-9 * np.abs(t.columns).max()]
+        if grid:
+            X = Term(here, FORMS[key], grid[0], len(grid)).at_each(np.array(grid))
+            shown = np.ptp(X, axis=0).max(axis=0) > 1e-9 * np.abs(X).max(axis=(0, 1))
+            out += [Term(here, FORMS[key], c, len(grid)) for c, own in zip(grid, shown, strict=True) if own]
     return out
 
 
