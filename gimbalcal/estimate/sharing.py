@@ -40,8 +40,8 @@ from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, SENSOR_STAGES, happens_once
 from gimbalcal.errors import InputError
 from gimbalcal.inference.information import Solution
-from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
+from gimbalcal.p_value import probability
 from gimbalcal.recording import Recording, dwell_means
 from gimbalcal.recording.record import FORCE
 from gimbalcal.rotation import rotation_between, small_rotation_vector

@@ -27,8 +27,8 @@ from gimbalcal.entries import Entry, Json
 from gimbalcal.errors import InputError
 from gimbalcal.history.parameter_history import SIGNIFICANCE, ParameterHistory, parameter_history
 from gimbalcal.history.unit_store import DatedCalibration
-from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
+from gimbalcal.p_value import probability
 from gimbalcal.units import from_si, parse, to_si
 from gimbalcal.words.history_sentences import comparison_in_words
 

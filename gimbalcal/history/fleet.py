@@ -42,8 +42,8 @@ from gimbalcal.calibration.provenance import AssumedGrade
 from gimbalcal.effects import Parameter, with_values
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.history.unit_store import DatedCalibration, calibrations_by_unit
-from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
+from gimbalcal.p_value import probability
 from gimbalcal.recording import Recording
 from gimbalcal.words.history_sentences import unusual_unit_in_words
 from gimbalcal.words.naming import unobservable_leading

@@ -25,8 +25,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gimbalcal.inference.algebra import nonnegative_least_squares
-from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
+from gimbalcal.p_value import probability
 
 MIN_ROWS = 32  # of a stretch
 MIN_STRETCH_TAUS = 4  # length of a stretch over the longest tau

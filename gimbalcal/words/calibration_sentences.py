@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isnan, sqrt
 from typing import TYPE_CHECKING, Literal
 
+from gimbalcal.p_value import probability
 from gimbalcal.units import from_si
 from gimbalcal.words.naming import (
     capitalised,
@@ -31,12 +32,10 @@ MIN_EXCESS_SCATTER = 1.5  # of positions over the noise of their means, from whi
 
 def goodness_of_fit(chi2: float, dof: int) -> tuple[float, float, Fit]:
     """Return the residual in units of the noise, the probability of a chi^2 at least as large, and the judgement."""
-    from scipy.special import chdtrc
-
     if dof <= 0:
         return float("nan"), float("nan"), "fits"
     ratio = sqrt(chi2 / dof)
-    p = float(chdtrc(dof, chi2))
+    p = probability(chi2, dof)
     if p < MIN_P_VALUE and ratio > 1 + MAX_RELATIVE_EXCESS:
         return ratio, p, "misfit"
     if p > 1 - MIN_P_VALUE and ratio < 1 - MAX_RELATIVE_EXCESS:

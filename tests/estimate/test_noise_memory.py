@@ -7,7 +7,7 @@ import pytest
 
 from gimbalcal.estimate.gyroscopes.against_attitude import fit_thirds
 from gimbalcal.estimate.noise_memory import added_by_memory
-from gimbalcal.inference.p_value import SIGNIFICANCE
+from gimbalcal.p_value import SIGNIFICANCE
 from tests.stimuli import remembering
 
 N = 200

@@ -24,8 +24,8 @@ from gimbalcal.entries import Entry, Json, plain_json
 from gimbalcal.estimate.sharing import Agreement, agreement_test
 from gimbalcal.estimate.static_run.system import SIGNIFICANCE
 from gimbalcal.inference.information import Information, Solution, solve
-from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
+from gimbalcal.p_value import probability
 from gimbalcal.words.diagnosis_sentences import constants_disagreement, size_disagreement
 
 MIN_P_VALUE_OF_A_SIZE = 1e-3  # below it a size differs between recordings

@@ -22,8 +22,8 @@ from gimbalcal.diagnose.result import Mismatch
 from gimbalcal.diagnose.search.ranking import projections_of
 from gimbalcal.entries import Json
 from gimbalcal.inference.algebra import beyond, orthonormal, orthonormal_columns
-from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
+from gimbalcal.p_value import chi_square_tail, probability
 from gimbalcal.units import from_si
 from gimbalcal.views.core import Fit, View
 from gimbalcal.words import diagnosis_sentences
@@ -83,7 +83,7 @@ def scan_data(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, e
     statistic = all_scores[:, 0]
     tails = _tail_probability(statistic, dof)
     # of all cells of so many degrees of freedom, the largest statistic has the least tail
-    least = np.min([_tail_probability(all_scores[dof == k, 1:].max(axis=0), k) for k in np.unique(dof)], axis=0)
+    least = np.min([chi_square_tail(all_scores[dof == k, 1:].max(axis=0), int(k)) for k in np.unique(dof)], axis=0)
     family = (1 + (least[None, :] <= tails[:, None]).sum(axis=1)) / (1 + DRAWS)
     # beyond the draws: Sidak's bound over as many independent cells as the simulated minimum behaves like
     effective = max(1.0, float(np.log(0.5) / np.log1p(-np.clip(np.median(least), 1e-12, 0.5))))
@@ -99,10 +99,11 @@ def _cleared_columns(X: Array, fitted: Array) -> Array:
     return np.asarray(X * ((X**2).sum(axis=0) > MIN_SQUARE_LEFT * size))
 
 
-def _tail_probability(statistic: Array, dof: Array | float) -> Array:
-    from scipy.special import gammaincc
-
-    return np.asarray(np.where(dof > 0, gammaincc(np.maximum(dof, 1) / 2, statistic / 2), 1.0))
+def _tail_probability(statistic: Array, dof: Array) -> Array:
+    out = np.empty(statistic.shape)
+    for k in np.unique(dof).astype(int).tolist():
+        out[dof == k] = chi_square_tail(statistic[dof == k], k)
+    return out
 
 
 def _cell_scores(X: Array, data: Sequence[Array], cells: int) -> tuple[Array, Array]:

@@ -11,8 +11,8 @@ from gimbalcal.calibration import AssumedNoise, Provenance, StageResult
 from gimbalcal.estimate.accelerometers.position_fit import RESIDUAL, Fault, Positions, fit_with_noise, noise_deviance
 from gimbalcal.estimate.fit import information_of
 from gimbalcal.inference.information import Unobservable, solve
-from gimbalcal.inference.p_value import is_explained_by_chance, probability
 from gimbalcal.number import apply_matrix
+from gimbalcal.p_value import is_explained_by_chance, probability
 from gimbalcal.recording.record import FOLLOWED, FORCE
 from gimbalcal.schedule import SCHEDULES, Schedule
 from gimbalcal.units import from_si

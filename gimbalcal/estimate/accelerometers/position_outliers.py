@@ -39,8 +39,8 @@ from gimbalcal.estimate.extra_effects import ExtraEffect, sizes_shown
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.inference.algebra import orthonormal
 from gimbalcal.inference.information import MIN_SIGNAL_TO_NOISE
-from gimbalcal.inference.p_value import SIGNIFICANCE, is_explained_by_chance, probability
 from gimbalcal.number import Array, apply_matrix
+from gimbalcal.p_value import SIGNIFICANCE, is_explained_by_chance, probability
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import FORCE
 from gimbalcal.units import from_si

@@ -27,8 +27,8 @@ from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, columns_are_independe
 from gimbalcal.estimate.gyroscopes.revolutions import triangular_parameters
 from gimbalcal.inference.coloured import MIN_CHI2
 from gimbalcal.inference.information import chi2_about_mean
-from gimbalcal.inference.p_value import SIGNIFICANCE, probability
 from gimbalcal.number import Array
+from gimbalcal.p_value import SIGNIFICANCE, probability
 from gimbalcal.recording import Recording
 from gimbalcal.recording.record import RATE
 from gimbalcal.rotation import exponential, rotation_between

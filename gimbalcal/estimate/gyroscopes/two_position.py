@@ -29,8 +29,8 @@ from gimbalcal.effects import CATALOGUE, parameters
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.fit import LEAST_SIGNAL, ViewsFit, fit
 from gimbalcal.inference.information import Unobservable, prior
-from gimbalcal.inference.p_value import SIGNIFICANCE, probability
 from gimbalcal.number import Array
+from gimbalcal.p_value import SIGNIFICANCE, probability
 from gimbalcal.recording import Dwell, Recording, dwell_means, dwells
 from gimbalcal.recording.record import RATE
 from gimbalcal.rotation import within_half_turn

@@ -29,9 +29,9 @@ from gimbalcal.estimate.pointing.pattern import clearest_pattern, far_off
 from gimbalcal.estimate.pointing.term_tests import term_tests
 from gimbalcal.estimate.sharing import agreement_test
 from gimbalcal.inference.information import chi2_about_mean
-from gimbalcal.inference.p_value import SIGNIFICANCE, is_explained_by_chance, probability
 from gimbalcal.method_table import Request
 from gimbalcal.number import Array
+from gimbalcal.p_value import SIGNIFICANCE, is_explained_by_chance, probability
 from gimbalcal.recording import Recording, join
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View

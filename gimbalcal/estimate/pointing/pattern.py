@@ -18,8 +18,8 @@ import numpy as np
 from gimbalcal.calibration.provenance import FarStar, ResidualPattern
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.estimate.pointing.fit import weighted_residual
-from gimbalcal.inference.p_value import SIGNIFICANCE
 from gimbalcal.number import Array
+from gimbalcal.p_value import SIGNIFICANCE
 from gimbalcal.units import from_si
 from gimbalcal.views.core import View
 from gimbalcal.views.pointing import CHANNELS

@@ -27,8 +27,8 @@ from gimbalcal.effects.effect import constants
 from gimbalcal.estimate.extra_effects import columns_of_sizes
 from gimbalcal.estimate.fit import ViewsFit
 from gimbalcal.inference.algebra import orthonormal_columns, unit_columns
-from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
+from gimbalcal.p_value import probability
 from gimbalcal.units import from_si
 
 MIN_INDEPENDENT_SHARE = 1e-3  # of a column that the model does not span, below which stars do not distinguish the term

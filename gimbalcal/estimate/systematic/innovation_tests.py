@@ -12,8 +12,8 @@ from gimbalcal.effects import Parameter
 from gimbalcal.errors import number_of
 from gimbalcal.estimate.systematic.error_model import STATE_SCALE
 from gimbalcal.estimate.systematic.filter_pass import GATE_NIS, Pass, curve_points
-from gimbalcal.inference.p_value import probability
 from gimbalcal.number import Array
+from gimbalcal.p_value import probability
 from gimbalcal.units import from_si
 from gimbalcal.views.segments import Segments
 

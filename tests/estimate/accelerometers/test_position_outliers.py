@@ -11,7 +11,7 @@ from gimbalcal.estimate.accelerometers.position_outliers import (
     fit_without_outliers,
     probability,
 )
-from gimbalcal.inference.p_value import is_explained_by_chance
+from gimbalcal.p_value import is_explained_by_chance
 from gimbalcal.views.positions import view_of_positions
 from tests.estimate.device import (
     ARCSEC,
