@@ -59,14 +59,6 @@ def _parsed_moves(words: str) -> tuple[Move, ...]:
     return tuple(Move(axis, float(np.deg2rad(float(angle)))) for axis, angle in split)
 
 
-def _reversed_moves(moves: tuple[Move, ...]) -> tuple[Move, ...]:
-    return tuple(Move(m.axis, -m.angle) for m in moves)
-
-
-def _moves_along(moves: tuple[Move, ...], directions: str) -> tuple[Move, ...]:
-    return tuple(Move(m.axis, m.angle, along=d) for m, d in zip(moves, directions.split(), strict=True))
-
-
 # Cai et al. (2016), Table 1 and section 3.4: a table with a horizontal outer axis, 5 deg/s, stops of 180 s. The paper
 # says "1 h": 18 turns with ramps of 1 s and the 19 stops take 3870 s.
 CAI_18 = RotationSchedule(
@@ -94,11 +86,12 @@ CAI_18 = RotationSchedule(
 # "the same, and the direction is opposite". The start follows from the rows, and is the (0, -90, -90) deg of section
 # 4.1 read as pitch, roll and yaw. Rate and stops are not printed.
 _HALF = _parsed_moves("y+90 y+90 y+90 y-180 y-90 z+90 x+90 x+90 x+90 x-180 x-90 z+90 z+90 z-180 z-90")
+_ALONG = 5 * ("east",) + ("north",) + 5 * ("east",) + 4 * ("north",)
 WEI_30 = RotationSchedule(
     "wei2022-30",
     ("up", "east", "north"),
-    _moves_along(_HALF, "east east east east east north east east east east east north north north north")
-    + _reversed_moves(_HALF),
+    tuple(Move(m.axis, m.angle, along=d) for m, d in zip(_HALF, _ALONG, strict=True))
+    + tuple(Move(m.axis, -m.angle) for m in _HALF),
     rate=TEN,
     stop=100.0,
     source="wei2022",
