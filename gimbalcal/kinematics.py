@@ -85,6 +85,7 @@ def stimulus_from_truth(recording: Recording, force: Array, rate: Array) -> Stim
         axis_directions=tuple(axis.direction for axis in recording.platform.axes),
         sense=recording.platform.sense,
         attitude=_ideal_attitude(recording, readout, attitudes),
+        duration=recording.duration,
         load=np.stack([apply_matrix(C, DOWN) for C in attitudes], axis=1) if attitudes else np.zeros((n, 0, 3)),
     )
 

@@ -71,7 +71,7 @@ class Grid(Enum):
     POSITION = "the name of a position: each of them; it comes once"
     SPAN = "the duration of the recording itself"
     FOUND = "a value that a diagnosis found: that one"
-    JUMP = "where an output jumps: even steps, as it has no derivative"
+    JUMP = "where an output jumps: even steps about where it did, as it has no derivative"
 
     @property
     def counts(self) -> bool:

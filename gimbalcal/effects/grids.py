@@ -62,6 +62,8 @@ def grid(f: Constant, s: Stimulus) -> Array:
         return np.array([last])
     if of is Grid.FOUND:
         return np.array([min(max(_default(f), low), high)])
+    if of is Grid.JUMP:  # the phase of a wave is no more likely near zero: no logarithm, and where it was is among them
+        return np.unique([*np.linspace(low, high, STARTING_VALUES), min(max(_default(f), low), high)])
     if of is Grid.EPOCH:
         first = np.flatnonzero(np.diff(s.visit)) + 1
         first = first[(first > 1) & (first < len(s.time) - 1)]  # before or after one row it is an error of it
@@ -88,7 +90,7 @@ def values_between(f: Constant, low: float, high: float, count: int) -> Array:
     """Return `count` values from `low` to `high`: even steps, logarithmic for a time constant or a positive value."""
     if low == high:
         return np.array([low])
-    logarithm = kind(f) in (Grid.VALUE, Grid.LAG, Grid.JUMP) and float(f.metadata["low"]) > 0 and low > 0
+    logarithm = kind(f) in (Grid.VALUE, Grid.LAG) and float(f.metadata["low"]) > 0 and low > 0
     return np.geomspace(low, high, count) if logarithm else np.linspace(low, high, count)
 
 

@@ -14,6 +14,7 @@ from gimbalcal.effects.history import slope
 from gimbalcal.number import Array, arctan2, cos, sin
 
 REFERENCE_TEMPERATURE = 20.0  # degC, T0 of the cards
+INSTANTS = 8  # spread over the time of which a row is the mean: what jumps within it is right to a sixteenth
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ class Stimulus:
     attitude: Array | None = None  # C_np (n, 3, 3) of the perfect platform
     load: Array | None = None  # (n, k, 3) unit gravity in the frame that turns with gimbal i
     rate_slope: Array | None = None  # (n, 3) rad/s^2, d(rate)/dt where it is known; else the rows' differences tell it
+    duration: Array | None = None  # (n,) s over which each row is a mean; None: rows are samples
     running: Array | None = None  # (n,) s, a clock that goes on through all sessions where `time` begins anew in each
 
     def at(self, **changes: Any) -> Stimulus:
@@ -65,6 +67,16 @@ class Stimulus:
         n = len(self.time)
         cut = {k: v[rows] for k, v in vars(self).items() if isinstance(v, np.ndarray) and v.ndim and len(v) == n}
         return self.at(**cut, covariates={k: v[rows] for k, v in self.covariates.items()})
+
+    def instants(self) -> tuple[Stimulus, ...]:
+        """Return the stimulus at instants that are spread evenly over the time of which each row is a mean.
+
+        Only the clock goes on between them; all else is as in the mean. Of samples it is the stimulus itself.
+        """
+        if self.duration is None:
+            return (self,)
+        shifts = [((k + 0.5) / INSTANTS - 0.5) * self.duration for k in range(INSTANTS)]
+        return tuple(self.at(time=self.time + x, duration=None) for x in shifts)
 
     def held(self, n: int) -> Stimulus:
         """Return the stimulus of one row for n rows; covariates are those of the one."""

@@ -106,6 +106,11 @@ class Rows:
         n, C, k = *S.shape[:2], len(basis) // len(S)
         return self._mapped(np.einsum("nck,nkp->ncp", S.reshape(n, C, k, -1)[..., index], basis.reshape(n, k, p)))
 
+    def added_at_instants(self, stage: Stage, index: int, basis: Array) -> Array:
+        """Return the same of a basis at instants of what a stage experiences, of which the mean is added."""
+        n = len(self.seen[stage].time)
+        return self.added(stage, index, basis.reshape(n, -1, basis.shape[1]).mean(axis=1))
+
     def columns(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:
         """Return derivative (n, C, p) of the channels by the wanted parameters of one effect, at its present values."""
         if self.fixed_columns is not None:

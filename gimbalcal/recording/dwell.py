@@ -182,14 +182,25 @@ def _means(recording: Recording, stretches: Sequence[Dwell], position: NDArray[n
     def mean(values: Array, angle: bool = False) -> Array:
         return np.array([_weighted_mean(values[d.rows], recording.weight[d.rows], angle) for d in stretches])
 
+    lasts = np.array([_duration(recording, d) for d in stretches])
     return replace(
         recording,
         time=mean(recording.time),
         position=position,
         channels={key: mean(values, key[0] in ANGLES) for key, values in recording.channels.items()},
         weight=np.array([recording.weight[d.rows].sum() for d in stretches]),
+        begin=float(recording.time[0]) if recording.begin is None else recording.begin,
+        duration=lasts if lasts.any() else None,
         other_sensors=tuple(_means(other, stretches, position) for other in recording.other_sensors),
     )
+
+
+def _duration(recording: Recording, d: Dwell) -> float:
+    """Return the time [s] of which the mean of a stretch of rows is one: a step for each row."""
+    if recording.duration is not None:
+        return float(recording.duration[d.rows].sum())
+    n = d.stop - d.start
+    return float(recording.time[d.stop - 1] - recording.time[d.start]) * n / max(n - 1, 1)
 
 
 def _weighted_mean(values: Array, weight: Array, angle: bool) -> float:

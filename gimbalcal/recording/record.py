@@ -106,7 +106,9 @@ class Recording(Displayed):
     they are means over the interval that ends there. `grade` says how large the usual imperfections of such sensors
     are. `date` is when it was recorded, ISO 8601, empty where unknown; `epoch` [s since 1970] is where a clock of dates
     has its zero. `restarts` are the times of rows at which a session begins an unknown time after the one before.
-    `corrected` names the calibrations by which it was corrected, in order (`Calibration.identity`).
+    `corrected` names the calibrations by which it was corrected, in order (`Calibration.identity`). duration (n,) s is
+    the time of which each row is a mean, None where rows are samples; begin [s] is when a recording whose rows are
+    means of rows began, as what counts the time from there on is applied to all rows.
     """
 
     kind: Kind
@@ -130,6 +132,8 @@ class Recording(Displayed):
     epoch: float | None = None
     restarts: tuple[float, ...] = ()
     corrected: tuple[str, ...] = ()
+    duration: Array | None = None
+    begin: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "kind", kind_of(self.kind, self.platform, self.channels))
@@ -139,6 +143,8 @@ class Recording(Displayed):
         sizes = {f"{q} {a}".strip(): len(v) for (q, a), v in self.channels.items()} | {"weight": len(self.weight)}
         if self.position is not None:
             sizes["position"] = len(self.position)
+        if self.duration is not None:
+            sizes["duration"] = len(self.duration)
         for name, size in sizes.items():
             if size != n:
                 raise ValueError(f"`{name}` must have one value per row of `time` ({n}), got {size}")
@@ -159,7 +165,8 @@ class Recording(Displayed):
     @property
     def elapsed(self) -> Array:
         """Return the time (n,) [s] since the first row, or the first of the session where the separation is unknown."""
-        return since_power_up(self.time, self.session) if self.restarts else np.asarray(self.time - self.time[0])
+        begin = float(self.time[0]) if self.begin is None else self.begin
+        return np.asarray(self.time - np.array([begin, *self.restarts])[self.session])
 
     @property
     def session(self) -> NDArray[np.int64]:
@@ -277,6 +284,7 @@ class Recording(Displayed):
             position=None if self.position is None else self.position[rows],
             channels={key: values[rows] for key, values in self.channels.items()},
             weight=self.weight[rows],
+            duration=None if self.duration is None else self.duration[rows],
             other_sensors=tuple(other.select(rows) for other in self.other_sensors),
         )
 

@@ -429,7 +429,7 @@ def _grid(v: Variable, form: Form, s: Stimulus) -> list[tuple[float, ...]]:
 
     def waves() -> int:
         if v.group == "time":
-            return min(FAST, len(v.x) // 4)
+            return min(FAST, len(v.x) // (4 * len(s.instants())))
         return min(SLOW_WAVES, len(np.unique(np.round((v.x - low) / (span or 1.0), 3))) // 2)
 
     def chirps() -> list[tuple[float, ...]]:

@@ -551,5 +551,5 @@ def _columns(o: Fit, law: Law, e: Expression) -> Array:
     """Return what a unit of each coefficient adds to the reduced rows of a recording, (R, m)."""
     stage = STAGE[law.channel]
     names, X = o.view.stimulus.axis_names if stage is Stage.ENCODER else "xyz", e.on(o.rows.seen[stage]).columns
-    added = [o.rows.added(stage, names.index(p.axis), X) for p in law.places]
+    added = [o.rows.added_at_instants(stage, names.index(p.axis), X) for p in law.places]
     return np.asarray(o.reduced(np.concatenate(added, axis=-1)))

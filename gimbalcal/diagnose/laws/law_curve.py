@@ -43,28 +43,32 @@ def with_curves(
     v, alone = law.expression.variables[0], len(law.expression.variables) == 1
     name = f"{v.name.replace('_', ' ')} [{v.unit or 'as logged'}]"
 
+    def of_rows(y: Array) -> Array:
+        return np.asarray(y.reshape(-1, law.places[0].instants, *y.shape[1:]).mean(axis=1))
+
     def in_print(y: Array) -> Array:
         return np.asarray(from_si(y, unit))
 
     predicted, out = _held_out(law, x.reshape(len(law.places), -1), alone, g), []
     for k, (result, place) in enumerate(zip(laws, law.places, strict=True)):
         own = slice(k * B.shape[1], (k + 1) * B.shape[1])
-        value, sigma = B @ x[own], np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", B, covariance[own, own], B), 0.0))
+        instant, M = B @ x[own], of_rows(B)
+        value, sigma = M @ x[own], np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", M, covariance[own, own], M), 0.0))
         response = place.columns(np.ones((len(B), 1)))[..., 0]
         size = (response**2).sum(axis=1)
-        observed = np.full(len(B), np.nan)
-        if response.shape == remainder.shape and len(size) == len(B):
+        observed = np.full(len(M), np.nan)
+        if response.shape == remainder.shape and len(size) == len(M):
             shown = size > MIN_RESPONSE**2 * size.max(initial=0.0)
             part = (response * remainder).sum(axis=1)
             observed[shown] = value[shown] + part[shown] / size[shown]
         out.append(replace(result, curve=LawCurve(
-            x=np.asarray(v.printed(v.x)) if alone else in_print(value),
+            x=np.asarray(v.printed(of_rows(v.x))) if alone else in_print(value),
             x_label=name if alone else f"the formula [{unit}]",
             law=in_print(value),
             sigma=in_print(sigma),
             observed=in_print(observed),
-            predicted=in_print(predicted[k]),
-            others=tuple((printed_form(o), in_print(_aligned_curve(o, law, k, value, g))) for o in others),
+            predicted=in_print(of_rows(predicted[k])),
+            others=tuple((printed_form(o), in_print(of_rows(_aligned_curve(o, law, k, instant, g)))) for o in others),
         )))  # fmt: skip
     return tuple(out)
 

@@ -79,16 +79,22 @@ class {name}(Effect):
 {fields}
 {methods}'''
 ADDED = '''
-    def {name}(self, s: Stimulus) -> Array:
+    def law(self, s: Stimulus) -> Array:
         """{form}."""
         law = {code}
         return law{to}
 '''
-SINCE_REST = '''
+CONTRIBUTION = '''
     def contribution(self, s: Stimulus) -> Array:
-        """What the law adds beyond what it adds at rest, which is part of the bias."""
-        return self.law(s) - self.law(s.at(rate=0 * s.rate))
+        """What the law adds, in the mean of each row{beyond}."""
+        each = [{added} for at in s.instants()]
+        return sum(each) / len(each)
 '''
+OVER_ALL = {"beyond": "", "added": "self.law(at)"}
+SINCE_REST = {
+    "beyond": ", beyond what it adds at rest, which is part of the bias",
+    "added": "self.law(at) - self.law(at.at(rate=0 * at.rate))",
+}
 
 
 LETTERS = "abcdefghijlmoqrsuvyz"  # of coefficients; the others are those of constants
@@ -362,15 +368,15 @@ def _class(
     to = f" @ np.array({[[float(a == axis) for a in 'xyz'] for axis in axes]})" if axes != tuple("xyz") else ""
     if of_gimbals:
         to = f" @ np.array([[float(name == axis) for name in s.axis_names] for axis in {axes!r}])"
-    name = "law" if turning else "contribution"
-    added = ADDED.format(name=name, form=description.text, code=description.code, to=to)
+    methods = CONTRIBUTION.format(**(SINCE_REST if turning else OVER_ALL))
+    methods += ADDED.format(form=description.text, code=description.code, to=to)
     return CLASS.format(
         name="".join(w.capitalize() for w in effect.split("_")), title=" ".join(re.findall(r"[\w.,:;+-]+", title)),
         latex=latex, id=effect, variables=", ".join(v.name for v in law.expression.variables),
         stage=STAGE[law.channel].name, channel=law.channel,
         kinds=("pointing",) if s.true_angle is not None else ("multi-position", "static-run", "rotation"),
         needs=tuple(dict.fromkeys(v.needs for v in law.expression.variables if v.needs)), fields="\n".join(fields),
-        domain="\n".join(limits), methods=SINCE_REST + added if turning else added,
+        domain="\n".join(limits), methods=methods,
     )  # fmt: skip
 
 

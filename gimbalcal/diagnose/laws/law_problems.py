@@ -68,14 +68,19 @@ def _places(fit: Fit) -> list[Place]:
         if quantity not in v.measurement.acts_on or stage not in rows.seen:
             continue
         s, gimbals = rows.seen[stage], stage is Stage.ENCODER
-        group = np.repeat(v.groups, len(s.time) // n)
-        block = v.noise.block if len(v.noise.block) else equal_stretches(len(s.time), group=group)
+        instants = len(s.instants())
+        every, means = instants * len(s.time), len(s.time) == len(rows.sensitivity(stage)) and len(s.time) % n == 0
+        of_row = every // n if means else 1  # a turn is no mean of its steps
+        block = np.repeat(v.noise.block, instants)
+        if not len(block):
+            block = equal_stretches(every, group=np.repeat(v.groups, of_row))
         names = v.stimulus.axis_names if gimbals else tuple("xyz")
         # the norm of the force shows each accelerometer, gravity after a turn each gyroscope
         own = {a for q, a in v.channels if q == quantity and a in names} or set(names)
         for i, axis in enumerate(names):
             if axis in own and not (gimbals and np.ptp(v.stimulus.readout[:, i]) <= MIN_TRAVEL_RAD):
-                out.append(Place(quantity, axis, variables(s), s, block, partial(rows.added, stage, i)))
+                columns = partial(rows.added_at_instants, stage, i)
+                out.append(Place(quantity, axis, variables(s), s, block, columns, of_row))
     return out
 
 
@@ -121,7 +126,8 @@ def _joined_place(each: Sequence[LawProblem], channel: str, axis: str) -> Place:
         return np.concatenate([A.reshape(-1, 1, X.shape[1]) for A in blocks])
 
     shared = joined_variables([variables(p.stimulus, still=True) for p in own.values()])
-    return Place(channel, axis, shared, first.stimulus, block, columns)
+    instants = first.instants if len({p.instants for p in own.values()}) == 1 else 1
+    return Place(channel, axis, shared, first.stimulus, block, columns, instants)
 
 
 def unit_rms(X: Array) -> Array:

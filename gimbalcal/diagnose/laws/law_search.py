@@ -83,9 +83,9 @@ MAX_REFERENCE_RANGES = 2.0
 class Place:
     """Where a law may be added: channel, axis, what it may follow there, what is felt, and what an addition does.
 
-    columns: (n, m) added there to (n', C, m) rows; block (n,): ordinals of the stretches over which an addition is
-    taken as even for a first look. stimulus: of several recordings that of the first; the variables have the rows of
-    all.
+    columns: (n, m) added there to (n', C, m) rows, each the mean of so many successive `instants`; block (n,): ordinals
+    of the stretches over which an addition is taken as even for a first look. stimulus: of several recordings that of
+    the first; the variables have the rows of all.
     """
 
     channel: str
@@ -94,6 +94,7 @@ class Place:
     stimulus: Stimulus
     block: Array
     columns: Callable[[Array], Array]
+    instants: int = 1
 
 
 @dataclass(frozen=True, eq=False)

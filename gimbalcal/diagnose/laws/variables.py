@@ -22,8 +22,9 @@ LETTER = re.compile("([a-z]|tau|x0|phi|level)[0-9]?")  # what coefficients and c
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """What a law may follow: its name and unit in print, values (n,) in SI, how law.py takes it from a stimulus `s`.
+    """What a law may follow: its name and unit in print, values in SI, how law.py takes it from a stimulus `s`.
 
+    x (n p,): at p instants of n rows, those of a row in succession.
     group: force, angle, rate, time, since, logged, temperature rate or move. origin: of which powers are
     taken, SI; reference: from which they are printed.
     """
@@ -43,8 +44,18 @@ class Variable:
 
 
 def variables(s: Stimulus, still: bool = False) -> tuple[Variable, ...]:
-    """Return what varies in a recording, or stands `still` too, and may be the argument of a law."""
-    return tuple(v for v in _every_variable(s) if still or is_variable(v))
+    """Return what varies in a recording, or stands `still` too, and may be the argument of a law.
+
+    Values are those at p instants of each row (n p,), those of one row after the other.
+    """
+    every = [_of_instants(own) for own in zip(*map(_every_variable, s.instants()), strict=True)]
+    return tuple(v for v in every if still or is_variable(v))
+
+
+def _of_instants(own: Sequence[Variable]) -> Variable:
+    """Return a variable at p instants of n rows as one, (n p,)."""
+    x = np.stack([v.x for v in own], axis=1).ravel()
+    return replace(own[0], x=x, origin=_middle_of_range(x) if own[0].group == "time" else own[0].origin)
 
 
 def is_variable(v: Variable) -> bool:
