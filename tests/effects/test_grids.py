@@ -28,6 +28,7 @@ class Any(Effect):
     few: float = constant(2.0, unit="1", low=2.0, high=9.0, grid=Grid.WHOLE)
     many: float = constant(2.0, unit="1", low=2.0, high=2000.0, grid=Grid.WHOLE)
     decay: float = constant(0.0, unit="1/h", low=0.0, high=1e-3, grid=Grid.DECAY)
+    phase: float = constant(1.5, unit="1", low=0.2, high=3.0, grid=Grid.JUMP)
 
 
 FIELDS = {f.name: f for f in constants(Any)}
@@ -79,6 +80,12 @@ def test_a_positive_value_has_even_ratios_and_a_signed_one_even_steps():
     assert np.allclose(np.diff(np.log(x)), np.log(100) / 6)
     assert np.allclose(np.diff(y), 2 / 6)
     assert values_between(FIELDS["value"], 3.0, 3.0, 7).tolist() == [3.0]
+
+
+def test_a_jump_is_looked_for_where_it_was_and_in_even_steps_about_it():
+    x = grid(FIELDS["phase"], HELD)
+    assert 1.5 in x
+    assert np.diff(np.delete(x, x.tolist().index(1.5))) == pytest.approx(2.8 / 6)
 
 
 def test_an_instant_is_the_beginning_of_a_visit_or_any_where_nothing_moves():

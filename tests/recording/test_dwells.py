@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gimbalcal.kinematics import stimulus_from_truth
 from gimbalcal.number import Array
 from gimbalcal.platform import SPACE_STABLE
 from gimbalcal.recording import Dwell, Recording, Site, dwell_means, dwells, read
@@ -49,6 +50,24 @@ def test_means_by_weight():
     np.testing.assert_allclose(means.channels["specific_force", "x"], [0.75, 2.5], rtol=1e-15)
     assert means.weight.tolist() == [4.0, 4.0]
     assert means.position.tolist() == [1, 2]
+
+
+def test_means_count_the_time_as_their_rows_do():
+    """A recording begins with its first row, and sessions where their first rows are, not at the middle of a dwell."""
+    rows = replace(recording([0, 1, 1, 1, 0, 2, 2, 2]), restarts=(5.0,))
+    means = dwell_means(rows)
+    assert rows.elapsed.tolist() == [0, 1, 2, 3, 4, 0, 1, 2]
+    assert means.elapsed.tolist() == [2.0, 1.0]
+    assert means.duration is not None
+    assert means.duration.tolist() == [3.0, 3.0]
+    assert rows.duration is None
+    again = dwell_means(means.select(slice(1, 2)))
+    assert again.elapsed.tolist() == [1.0]
+    assert again.duration is not None
+    assert again.duration.tolist() == [3.0]
+    at = [s.time.tolist() for s in stimulus_from_truth(means, np.zeros((2, 3)), np.zeros((2, 3))).instants()]
+    np.testing.assert_allclose(np.mean(at, axis=0), means.elapsed, rtol=1e-15)
+    np.testing.assert_allclose(np.ptp(at, axis=0), 3 * (1 - 1 / len(at)), rtol=1e-15)
 
 
 def test_means_of_angles_do_not_break_at_the_wrap():

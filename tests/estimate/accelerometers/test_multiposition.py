@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimbalcal import calibrate
 from gimbalcal.effects import Effect
 from gimbalcal.effects.accelerometer import Bias, Misalignment, ScaleFactor, ScaleNonlinearity
 from gimbalcal.effects.nonlinearity import CubicNonlinearity
@@ -167,3 +168,20 @@ def test_noise_at_the_rounding_of_numbers_settles():
     made = multiposition(rested(TRUTH, scattered(20), noise=1e-8), LINEAR)
     assert "settle" not in made.outcome
     assert np.abs(made.values - truth_of(TRUTH, made)).max() < 1e-10
+
+
+def test_what_counts_the_time_begins_with_the_recording():
+    """Rests of a minute: from the middle of the first one a warm-up of 150 s would be a fifth too small."""
+    force = np.repeat(scattered(24), 60, axis=0)
+    force *= G / np.linalg.norm(force, axis=1, keepdims=True)
+    channels = {(FORCE, a): force[:, i] for i, a in enumerate("xyz")}
+    time, position = np.arange(float(len(force))), np.repeat(np.arange(1, 25), 60)
+    noise = {"accelerometer": 1e-6}
+    quiet = Recording("multi-position", "warms up", BENCH, Site(gravity=G), noise, time, position, channels)
+    warm = quiet.with_channels({(FORCE, "y"): channels[FORCE, "y"] + 3e-3 * G * np.exp(-time / 150.0)})
+    made = calibrate([warm], more=["warm_up:y"])
+    found = {e.parameter.label: e.value for e in made.estimates}
+    assert found["warm_up:y"] == pytest.approx(3000.0 * G / 9.80665, rel=0.02)
+    assert found["warm_up.tau"] == pytest.approx(150.0 / 3600, rel=0.02)
+    left = made.apply(warm).channels[FORCE, "y"] - quiet.channels[FORCE, "y"]
+    assert np.abs(left).max() < 0.02 * 3e-3 * G
