@@ -6,9 +6,7 @@ import json
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,9 +18,6 @@ from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.header import NAME
 from gimbalcal.recording.record import COLOURED, SENSORS, UNKNOWN_SITE, Key, Recording, Site
 from gimbalcal.units import from_si, is_raw
-
-if TYPE_CHECKING:
-    import polars as pl
 
 PACKING = 1  # level of Zstandard: noise packs hardly better at higher ones, which take twice the time
 _SHORT = {"specific_force": "accel", "angular_rate": "gyro", "gimbal_angle": "", "attitude_error": "", "covariate": ""}
@@ -172,23 +167,13 @@ def _write_rows(recording: Recording, names: dict[str, _Written], path: Path) ->
     columns: dict[str, Array] = {"time_s": recording.time}
     if recording.position is not None:
         columns["position"] = recording.position
-    columns |= {name: each.recording.channels[each.key] for name, each in names.items()}
+    for name, each in names.items():
+        values, unit = each.recording.channels[each.key], _unit(each.recording, each.key)
+        columns[name] = values if is_raw(unit) or each.key[0] == "temperature" else from_si(values, unit)
     if _is_averaged(recording):
         columns["weight"] = recording.weight
-    frame = pl.LazyFrame({name: np.ascontiguousarray(values) for name, values in columns.items()})
-    for name, each in names.items():
-        if each.key[0] != "temperature" and not is_raw(unit := _unit(each.recording, each.key)):
-            frame = frame.with_columns(
-                pl.col(name).map_batches(partial(_from_si, unit), pl.Float64, is_elementwise=True)
-            )
+    frame = pl.DataFrame({name: np.ascontiguousarray(values) for name, values in columns.items()})
     if path.suffix == ".parquet":
-        frame.sink_parquet(path, compression_level=PACKING)
+        frame.write_parquet(path, compression_level=PACKING)
     else:
-        frame.sink_csv(path)
-
-
-def _from_si(unit: str, values: pl.Series) -> pl.Series:
-    """Some rows of a channel in a unit; polars would multiply by the inverse of a number that it divides by."""
-    import polars as pl
-
-    return pl.Series(from_si(values.to_numpy(), unit))
+        frame.write_csv(path)
