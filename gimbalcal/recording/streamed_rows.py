@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import mmap
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
 from gimbalcal.number import Array
-
-NUMPY_ASKS_BYTES = 4 << 20  # of an array, from which on NumPy asks for huge pages
 
 
 class AllRows:
@@ -32,8 +28,7 @@ class AllRows:
                 self.columns[name] = x
                 continue
             if name not in self.columns:
-                kind = np.dtype(np.int64 if name == self.whole else np.float64)
-                self.columns[name] = _array_of_small_pages(max(self.expected, after), kind)
+                self.columns[name] = np.empty(max(self.expected, after), np.int64 if name == self.whole else np.float64)
             column = self.columns[name]
             if len(column) < after:
                 if not column.flags.owndata:
@@ -45,18 +40,6 @@ class AllRows:
     def table(self) -> dict[str, Array]:
         """Return all columns, whole."""
         return {name: x if len(x) == self.rows else x[: self.rows] for name, x in self.columns.items()}
-
-
-def _array_of_small_pages(n: int, kind: np.dtype[Any]) -> Array:
-    """Return an array (n,) for which no huge pages are asked of the system, as NumPy does from 4 MB on.
-
-    Where free memory is scattered, the system moves other pages to make them: to fill a column takes five times as
-    long.
-    """
-    if n * kind.itemsize < NUMPY_ASKS_BYTES or not hasattr(mmap, "MAP_ANONYMOUS"):
-        return np.empty(n, kind)
-    memory = mmap.mmap(-1, n * kind.itemsize, mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    return np.frombuffer(memory, kind)
 
 
 class Blocks:
