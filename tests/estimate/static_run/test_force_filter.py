@@ -6,7 +6,6 @@ from scipy.stats import chi2
 
 from gimbalcal.estimate.static_run.force_filter import (
     NAMES,
-    PRIOR_SIGMA,
     convergence_history,
     estimate_state,
     kalman,
@@ -40,20 +39,6 @@ def test_filter_equals_information_form(hours, step):
     sequential = kalman(z, H, variance)[0]
     assert worst(batch, sequential.x, sequential.P) < 1e-9  # in units of sigma; rounding accumulates to 1e-11
     assert batch.chi2 == pytest.approx(sequential.chi2, rel=1e-9)
-
-
-def test_each_row_is_that_of_filterpy():
-    from filterpy.kalman import SquareRootKalmanFilter
-
-    z, H, variance = rows(24.0, 600.0)
-    _, x, sigma = kalman(z, H, variance)
-    f = SquareRootKalmanFilter(dim_x=5, dim_z=1)
-    f.x, f.P = np.zeros((5, 1)), np.eye(5) * PRIOR_SIGMA**2
-    for k in range(len(z)):
-        f.R, f.H = variance[k].reshape(1, 1), H[k : k + 1]
-        f.update(z[k].reshape(1, 1))
-        np.testing.assert_allclose(x[k], f.x[:, 0], atol=1e-9 * sigma[k].min())
-        np.testing.assert_allclose(sigma[k], np.sqrt(np.diag(f.P)), rtol=1e-9)
 
 
 @pytest.mark.parametrize("sigma", [5e-4, 6.6e-6, 1e-7])
