@@ -14,7 +14,7 @@ from gimbalcal.effects.history import slope
 from gimbalcal.number import Array, arctan2, cos, sin
 
 REFERENCE_TEMPERATURE = 20.0  # degC, T0 of the cards
-INSTANTS = 8  # spread over the time of which a row is the mean: what jumps within it is right to a sixteenth
+INSTANTS = 16  # spread over the time of which a row is the mean: what jumps within it is right to a thirtieth
 
 
 @dataclass(frozen=True)

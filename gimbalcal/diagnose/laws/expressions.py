@@ -581,11 +581,12 @@ def _is_fast(t: Term) -> bool:
 
 
 def moved_threshold(t: Term, k: int) -> list[Term]:
-    """Threshold k of a term moved as far as the next ones of its grid, in steps; no other constant."""
+    """Threshold k of a term moved as far as the next of its grid, in steps and in finer ones; no other constant."""
     if not t.is_threshold(k):
         return []
     step = float(np.ptp(t.variable.x)) / (INSTANTS if t.variable.group == "time" else LEVELS)
-    moved = (t.constants[k] + x for x in step * np.linspace(-1, 1, STEPS))
+    steps = np.linspace(-1, 1, STEPS)
+    moved = (t.constants[k] + x for x in step * np.unique([*steps, *(2 / STEPS * steps)]))
     neighbours = (t.at(*t.constants[:k], c, *t.constants[k + 1 :]) for c in moved)
     return [m for m in neighbours if np.ptp(m.columns) > 0]
 

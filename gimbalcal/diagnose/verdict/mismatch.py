@@ -81,9 +81,9 @@ def scan_data(o: Fit, rows: ReducedRows, node: Node, rng: np.random.Generator, e
         ranks.append(rank)
     all_scores, dof = np.concatenate(scores), np.concatenate(ranks)
     statistic = all_scores[:, 0]
-    tails = _tail_probability(statistic, dof)
+    tails = chi_square_tail(statistic, dof)
     # of all cells of so many degrees of freedom, the largest statistic has the least tail
-    least = np.min([chi_square_tail(all_scores[dof == k, 1:].max(axis=0), int(k)) for k in np.unique(dof)], axis=0)
+    least = np.min([chi_square_tail(all_scores[dof == k, 1:].max(axis=0), k) for k in np.unique(dof)], axis=0)
     family = (1 + (least[None, :] <= tails[:, None]).sum(axis=1)) / (1 + DRAWS)
     # beyond the draws: Sidak's bound over as many independent cells as the simulated minimum behaves like
     effective = max(1.0, float(np.log(0.5) / np.log1p(-np.clip(np.median(least), 1e-12, 0.5))))
@@ -97,13 +97,6 @@ def _cleared_columns(X: Array, fitted: Array) -> Array:
     for _ in range(2):  # once more for what rounding left
         X = beyond(fitted, X)
     return np.asarray(X * ((X**2).sum(axis=0) > MIN_SQUARE_LEFT * size))
-
-
-def _tail_probability(statistic: Array, dof: Array) -> Array:
-    out = np.empty(statistic.shape)
-    for k in np.unique(dof).astype(int).tolist():
-        out[dof == k] = chi_square_tail(statistic[dof == k], k)
-    return out
 
 
 def _cell_scores(X: Array, data: Sequence[Array], cells: int) -> tuple[Array, Array]:
