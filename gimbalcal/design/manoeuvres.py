@@ -58,7 +58,9 @@ def second_pass(
     moved = r.time[-1] - r.time[order] if reverse else r.time - r.time[0]
     time = np.concatenate([r.time, r.time[-1] + r.step + pause + moved])
     position = None if r.position is None else np.concatenate([r.position, r.position[order]])
-    return replace(r, time=time, position=position, channels=channels, weight=np.concatenate([r.weight, r.weight]))
+    return replace(
+        r, time=time, position=position, channels=channels, weight=np.concatenate([r.weight, r.weight]), duration=None
+    )
 
 
 def _twice_as_long(r: Recording) -> Recording:

@@ -432,7 +432,13 @@ class _Bench:
         n = len(up)
         channels = {(FORCE, a): self.like.site.gravity * up[:, i] for i, a in enumerate("xyz")}
         plan = replace(
-            self.like, time=600.0 * np.arange(n), position=np.arange(1, n + 1), channels=channels, weight=np.ones(n)
+            self.like,
+            time=600.0 * np.arange(n),
+            position=np.arange(1, n + 1),
+            channels=channels,
+            weight=np.ones(n),
+            duration=None,
+            begin=None,
         )
         axes = ([f"{'+' if x > 0 else '−'}{a}" for a, x in zip("xyz", d, strict=True) if x] for d in DIRECTIONS)
         words = [" and ".join(each) + " up" for each in axes]

@@ -196,11 +196,10 @@ def _means(recording: Recording, stretches: Sequence[Dwell], position: NDArray[n
 
 
 def _duration(recording: Recording, d: Dwell) -> float:
-    """Return the time [s] of which the mean of a stretch of rows is one: a step for each row."""
-    if recording.duration is not None:
-        return float(recording.duration[d.rows].sum())
-    n = d.stop - d.start
-    return float(recording.time[d.stop - 1] - recording.time[d.start]) * n / max(n - 1, 1)
+    """Return the time [s] of which the mean of a stretch of rows is one: from its first row to its last."""
+    own = 0 * recording.time if recording.duration is None else recording.duration
+    first, last = d.start, d.stop - 1
+    return float(recording.time[last] - recording.time[first] + (own[first] + own[last]) / 2)
 
 
 def _weighted_mean(values: Array, weight: Array, angle: bool) -> float:

@@ -59,15 +59,15 @@ def test_means_count_the_time_as_their_rows_do():
     assert rows.elapsed.tolist() == [0, 1, 2, 3, 4, 0, 1, 2]
     assert means.elapsed.tolist() == [2.0, 1.0]
     assert means.duration is not None
-    assert means.duration.tolist() == [3.0, 3.0]
+    assert means.duration.tolist() == [2.0, 2.0]
     assert rows.duration is None
     again = dwell_means(means.select(slice(1, 2)))
     assert again.elapsed.tolist() == [1.0]
     assert again.duration is not None
-    assert again.duration.tolist() == [3.0]
+    assert again.duration.tolist() == [2.0]
     at = [s.time.tolist() for s in stimulus_from_truth(means, np.zeros((2, 3)), np.zeros((2, 3))).instants()]
     np.testing.assert_allclose(np.mean(at, axis=0), means.elapsed, rtol=1e-15)
-    np.testing.assert_allclose(np.ptp(at, axis=0), 3 * (1 - 1 / len(at)), rtol=1e-15)
+    np.testing.assert_allclose(np.ptp(at, axis=0), 2 * (1 - 1 / len(at)), rtol=1e-15)
 
 
 def test_means_of_angles_do_not_break_at_the_wrap():
