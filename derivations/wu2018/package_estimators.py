@@ -19,7 +19,7 @@ from derivations.verdict import ARCSEC
 from derivations.wu2018 import frames, positions, sensor, static_force, table1
 from derivations.wu2018.package import numbers
 from derivations.wu2018.package_rows import _day
-from derivations.wu2018.package_static import PHASES, SEPARATION
+from derivations.wu2018.package_static import PHASES, SEPARATION, _derived_matrix
 from derivations.wu2018.symbols import BETA, G_NORMAL, LATITUDE, NUMBERS, RESIDUALS, SOURCE, L, Rx, Ry, Rz, S_t, g, h, q
 
 COARSE = "estimate.accelerometers.coarse"
@@ -139,6 +139,18 @@ RANKS = {  # item: positions, effects, coefficients
 def ranks_of_positions() -> float:
     """Differences of the ranks."""
     return float(max(abs(_package_rank(rows, ids) - positions.rank(rows, of)) for rows, ids, of in RANKS.values()))
+
+
+@checks(SOURCE, "Eq. (7)", "Section 3, levelling", where=f"{COARSE}.relevel", tolerance=SETTLED)
+def relevelled() -> float:
+    """The true angles of the levelled inner and middle gimbal against the schedule's."""
+    from gimbalcal.estimate.accelerometers import coarse
+    from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
+
+    schedule = np.column_stack([_angles(), np.zeros(18)])
+    levelled = coarse.relevel(lambda readout: trusted_positions(_positions(readout, 0 * K_NL)), schedule)
+    true = levelled.positions.view.source.angles()[:, 1:3] + ZEROS[1:]
+    return float(np.abs(true - schedule[:, 1:3]).max())
 
 
 @checks(SOURCE, "Eq. (7)", where="views.known_attitude.view_of_readings")
@@ -295,6 +307,27 @@ def attitude_operator() -> float:
     found = dict(zip((name.removeprefix("phi_") for name in operator.names), operator.apply(y[:, None, None])[:, 0],
                      strict=True))  # fmt: skip
     return float(max(abs(found[k] - v) for k, v in true.items()))
+
+
+@checks(
+    SOURCE,
+    "Eq. (39)",
+    "Eq. (40)",
+    "Eq. (41)",
+    where="estimate.static_run.combined_coefficients.separate_parameters",
+    tolerance=1e-9,
+)
+def separated() -> float:
+    """The parameters that `separate` finds must reproduce the derived coefficients of the true ones."""
+    from gimbalcal.effects import CATALOGUE, parameters
+    from gimbalcal.estimate.static_run import combined_coefficients as combined
+
+    wanted = tuple(p for i in ("scale_factor", "bias", "misalignment") for p in parameters(CATALOGUE[i]))
+    derived = _derived_matrix()[:, :12]
+    true = _truth(wanted)
+    value = derived @ true
+    found = combined.separate_parameters(combined.NAMES, value, 1e-24 * np.eye(15), LATITUDE, G_NORMAL, wanted)
+    return float(np.abs(derived @ found.x - value).max() / np.abs(value).max())
 
 
 @cache

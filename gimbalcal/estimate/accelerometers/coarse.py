@@ -9,14 +9,14 @@ r"""Coarse calibration: Wu et al. (2018), section 3. Nonlinearity is ignored, an
 
    .. math:: f^a = SF^{-1} C_p^a \, f^p(\theta + \theta_0) + b \qquad \text{(Eq. (7))} .
 
-3. The platform's force is computed again with the estimated zeros, and both steps repeat until nothing moves. The
-   paper turns the platform back by the zeros and measures again.
+3. The platform's force is computed again with the estimated zeros, and both steps repeat until nothing moves. With a
+   platform at hand, `relevel` turns it back by the zeros and measures again, as the paper does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,7 @@ from gimbalcal.views.positions import by_visit, force_of_visits, position_parame
 OMITTED_TERM = "scale_nonlinearity"
 MIN_FACE_COSINE = np.cos(np.deg2rad(10.0))  # cosine of the vertical: a face, even if the zeros are off by degrees
 MAX_ITERATIONS = 20  # three are enough: each round leaves the product of two small angles
+NEGLIGIBLE_ZERO_RAD = np.deg2rad(0.1 / 3600)  # rad: 0.1 arcsec moves 0.5 ug across an axis at 1 g
 
 
 def coarse(positions: Positions) -> Calibration:
@@ -160,3 +161,34 @@ def _covariance(
 
 def _index_of_parameter(wanted: Sequence[Parameter], effect: str, index: int) -> int:
     return next(i for i, q in enumerate(wanted) if q.effect == effect and q.index == index)
+
+
+@dataclass(frozen=True)
+class Levelled:
+    """The end of the levelling loop: last coarse calibration, its positions, and each round's leftover zeros [rad]."""
+
+    calibration: Calibration
+    positions: Positions
+    leftover: tuple[Array, ...]
+
+
+def relevel(measure: Callable[[Array], Positions], angles: Array) -> Levelled:
+    """Turn the platform back by the estimated zeros and calibrate again, until the zeros that are left are negligible.
+
+    measure(readouts (m, k) [rad]) holds the platform at these readouts; angles (m, k) are the schedule's.
+    Inner and middle gimbal are levelled, as in Wu et al. (2018), section 3; a zero about the vertical does nothing. A
+    leftover is what the last estimate adds to the correction already made. Ends after 10 rounds at the latest.
+    """
+    corrected = np.zeros(angles.shape[1])
+    history: list[Array] = []
+    while True:
+        positions = measure(angles - corrected)
+        calibration, names = coarse(positions), positions.view.stimulus.axis_names
+        zero = corrected.copy()
+        for q, value in zip(calibration.parameters, calibration.values, strict=True):
+            if q.effect == "gimbal_zero" and q.axis != names[0]:
+                zero[names.index(q.axis)] = value
+        history.append(zero - corrected)
+        if np.all(np.abs(history[-1]) < NEGLIGIBLE_ZERO_RAD) or len(history) == 10:
+            return Levelled(calibration, positions, tuple(history))
+        corrected = zero

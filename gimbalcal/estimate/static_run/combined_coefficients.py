@@ -2,8 +2,9 @@ r"""The fifteen combined coefficients of a static run, by two methods, and what 
 
 Five of the specific-force error (Eqs. (21)-(25)) and five each of roll and pitch error (Eqs. (34)-(38), (29)-(33)) of
 Wu et al. (2018). The first method is the paper's: filter and Fourier fit of each channel by itself. The second puts the
-joint fit of all channels through the same linear operators; it replaces Eqs. (39)-(41), of which two rows of Eq. (41)
-as printed leave out terms and turn a matrix of rank 4 into one of rank 6, see `derivations`.
+joint fit of all channels through the same linear operators. `separate_parameters` then solves for the parameters in
+place of Eqs. (39)-(41), with the covariance of the coefficients for weights; two rows of Eq. (41) as printed leave out
+terms and turn a matrix of rank 4 into one of rank 6, see `derivations`.
 
 Coefficients are those of *estimate minus true*, as the paper's; `coefficient_matrix` has the signs for true parameters.
 With S = sin L, C = cos L, s = scale_factor, b = bias / g, K = scale_nonlinearity x g and theta_10, theta_30 the zeros
@@ -36,6 +37,7 @@ from gimbalcal.estimate.static_run import force_filter
 from gimbalcal.inference.algebra import block_diagonal
 from gimbalcal.inference.coloured import least_squares
 from gimbalcal.inference.harmonics import design_matrix, fourier, labels
+from gimbalcal.inference.information import Solution, information, solve
 from gimbalcal.number import Array
 from gimbalcal.views.known_attitude import Readings
 
@@ -165,3 +167,15 @@ def _sensor_columns(S: float, C: float, g: float) -> dict[str, dict[str, float]]
         "misalignment:zx": {"x3": S, "theta_1s": C**2},
         "misalignment:zy": {"x2": -S, "theta_1c": -(C**2)},
     }
+
+
+def separate_parameters(
+    names: Sequence[str], value: Array, covariance: Array, latitude: float, gravity: float, wanted: Sequence[Parameter]
+) -> Solution:
+    """Parameters from combined coefficients (q,) with covariance (q, q): Eqs. (39)-(41) with the right weights.
+
+    Directions that the coefficients do not determine stay at zero and come back named in `unobservable`.
+    """
+    G = coefficient_matrix(latitude, gravity, wanted)[[NAMES.index(n) for n in names]]
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    return solve(information(whiten @ G, whiten @ value, wanted))

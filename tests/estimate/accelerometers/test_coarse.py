@@ -1,4 +1,4 @@
-"""Coarse calibration: closed form on the faces, honest sigmas, and missing faces."""
+"""Coarse calibration: closed form on the faces, honest sigmas, missing faces, and the levelling loop."""
 
 from dataclasses import replace
 
@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gimbalcal.effects import values
-from gimbalcal.estimate.accelerometers.coarse import coarse
+from gimbalcal.estimate.accelerometers.coarse import NEGLIGIBLE_ZERO_RAD, coarse, relevel
 from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
-from gimbalcal.schedule import FACE_POSITIONS
+from gimbalcal.schedule import EIGHTEEN_POSITIONS, FACE_POSITIONS
 from tests.estimate.device import ARCSEC, PARAMETERS, SITE, draw, interchanged, measured
 from tests.golden import golden_text
 
@@ -87,6 +87,28 @@ def test_interchanged_positions_do_not_spoil_it():
     c = coarse(trusted_positions(interchanged(measured(truth, rng), 3, 9)))
     golden_text(c.outcome)
     assert np.all(np.abs(c.values - truth[KEPT])[:6] < 5 * c.sigmas[:6])
+
+
+def test_levelling_turns_the_platform_until_its_zeros_are_negligible():
+    rng = np.random.default_rng(5)
+    truth = draw(rng)
+    truth[ZEROS] = np.deg2rad([0.8, -0.5])  # far from level at first
+    asked = []
+
+    def measure(readouts):
+        asked.append(readouts)
+        recording = measured(truth, np.random.default_rng(50), setting=0.0, readouts=readouts, samples=10**6)
+        return trusted_positions(recording)
+
+    levelled = relevel(measure, EIGHTEEN_POSITIONS.angles)
+    assert len(asked) == len(levelled.leftover) <= 4
+    assert np.abs(levelled.leftover[0]).max() == pytest.approx(np.deg2rad(0.8), rel=0.01)
+    assert np.abs(levelled.leftover[-1]).max() < NEGLIGIBLE_ZERO_RAD
+    # the platform now stands where the schedule wants it: readout + zero = angle, but for what K does (4 arcsec)
+    stands = asked[-1][:, 1:3] + truth[ZEROS]
+    np.testing.assert_allclose(stands, EIGHTEEN_POSITIONS.angles[:, 1:3], atol=6 * ARCSEC)
+    np.testing.assert_allclose(values(levelled.calibration.effects, [PARAMETERS[i] for i in ZEROS]), truth[ZEROS],
+                               atol=6 * ARCSEC)  # fmt: skip
 
 
 def test_a_recorded_set_is_levelled_numerically():
