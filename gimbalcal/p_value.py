@@ -29,7 +29,7 @@ def probability(chi2: float, dof: float, noise_dof: float = inf) -> float:
 
 
 def chi_square_tail(chi2: Array | float, dof: Array | float) -> Array:
-    """Return the probability that chi^2 of so many degrees of freedom is this at least; one where there are none."""
+    """Return the probability (...) that noise leaves at least chi2 (...); one where dof (...) is zero."""
     from scipy.special import chdtrc
 
     some = np.greater(dof, 0)

@@ -431,15 +431,9 @@ class _Bench:
         up = DIRECTIONS / np.linalg.norm(DIRECTIONS, axis=1)[:, None]
         n = len(up)
         channels = {(FORCE, a): self.like.site.gravity * up[:, i] for i, a in enumerate("xyz")}
-        plan = replace(
-            self.like,
-            time=600.0 * np.arange(n),
-            position=np.arange(1, n + 1),
-            channels=channels,
-            weight=np.ones(n),
-            duration=None,
-            begin=None,
-        )
+        time, position = 600.0 * np.arange(n), np.arange(1, n + 1)
+        like = replace(self.like, duration=None, begin=None)  # a plan has no time of means
+        plan = replace(like, time=time, position=position, channels=channels, weight=np.ones(n))
         axes = ([f"{'+' if x > 0 else '−'}{a}" for a, x in zip("xyz", d, strict=True) if x] for d in DIRECTIONS)
         words = [" and ".join(each) + " up" for each in axes]
         return plan, words, ({},) * n, tuple(tuple(map(float, d)) for d in up), np.full(n, TURN_BY_HAND_S)

@@ -131,9 +131,7 @@ class TurningExperiment:
             at = nodes(path, end[i : i + BATCH_INTERVALS], dt[i : i + BATCH_INTERVALS], False)
             n = len(at.time)
             zero = {key: np.zeros(n) for key in self.recording.channels}
-            s = stimulus(
-                path, replace(self.recording, channels=zero, time=at.time, weight=np.ones(n), duration=None), at.time
-            )
+            s = stimulus(path, replace(self.recording, channels=zero, time=at.time, weight=np.ones(n)), at.time)
             s = s.at(time=at.time)
             means.append(at.means(np.hstack([s.force, s.rate])))
             J = linearise(BENCH, s, (), ROTATION.name, CHANNELS).jacobian(self.wanted)

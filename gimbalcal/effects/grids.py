@@ -62,7 +62,7 @@ def grid(f: Constant, s: Stimulus) -> Array:
         return np.array([last])
     if of is Grid.FOUND:
         return np.array([min(max(_default(f), low), high)])
-    if of is Grid.JUMP:  # the phase of a wave is no more likely near zero: no logarithm, and where it was is among them
+    if of is Grid.JUMP:  # steps are even, as the phase of a wave is no likelier near zero
         return np.unique([*np.linspace(low, high, STARTING_VALUES), min(max(_default(f), low), high)])
     if of is Grid.EPOCH:
         first = np.flatnonzero(np.diff(s.visit)) + 1

@@ -264,14 +264,12 @@ def _of_other_rows(sized: Effect, s: Stimulus) -> str:
 
     The platform turns first of all, by the force of its drawing, to which no other effect adds.
     """
+    if sized.spans_rows or sized.stage is Stage.PLATFORM:
+        return ""
     first = (np.arange(len(s.time)) < len(s.time) // 2)[:, None]
     moved = s.at(force=s.force * (1 + 0.1 * first), angle=s.angle + 0.1 * first)
     late, kept = (np.asarray(sized.contribution(each))[~first[:, 0]] for each in (moved, s))
-    if (
-        not sized.spans_rows
-        and sized.stage is not Stage.PLATFORM
-        and np.abs(late - kept).max() > 1e-9 * np.abs(kept).max()
-    ):
+    if np.abs(late - kept).max() > 1e-9 * np.abs(kept).max():
         return "follows the force or the angle at other rows; write spans_rows = True"
     return ""
 

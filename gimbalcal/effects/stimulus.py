@@ -17,6 +17,11 @@ REFERENCE_TEMPERATURE = 20.0  # degC, T0 of the cards
 INSTANTS = 16  # spread over the time of which a row is the mean: what jumps within it is right to a thirtieth
 
 
+def instants_about_middle(count: int) -> Array:
+    """Return so many instants (count,) that are spread evenly over a time, from its middle and in units of it."""
+    return np.asarray((np.arange(count) + 0.5) / count - 0.5)
+
+
 @dataclass(frozen=True)
 class Stimulus:
     """The true motion and environment of the hardware at n instants; immutable, SI. Every array has time first.
@@ -75,8 +80,9 @@ class Stimulus:
         """
         if self.duration is None:
             return (self,)
-        shifts = [((k + 0.5) / INSTANTS - 0.5) * self.duration for k in range(INSTANTS)]
-        return tuple(self.at(time=self.time + x, duration=None) for x in shifts)
+        return tuple(
+            self.at(time=self.time + x * self.duration, duration=None) for x in instants_about_middle(INSTANTS)
+        )
 
     def held(self, n: int) -> Stimulus:
         """Return the stimulus of one row for n rows; covariates are those of the one."""

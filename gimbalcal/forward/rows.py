@@ -107,7 +107,9 @@ class Rows:
         return self._mapped(np.einsum("nck,nkp->ncp", S.reshape(n, C, k, -1)[..., index], basis.reshape(n, k, p)))
 
     def added_at_instants(self, stage: Stage, index: int, basis: Array) -> Array:
-        """Return the same of a basis at instants of what a stage experiences, of which the mean is added."""
+        """Return the effect of each column of a basis as `added` does; basis (n p, m): at p instants, in whose mean a
+        row of the n that the stage experiences has it.
+        """
         n = len(self.seen[stage].time)
         return self.added(stage, index, basis.reshape(n, -1, basis.shape[1]).mean(axis=1))
 

@@ -51,7 +51,7 @@ MIN_ELLIPSOID_ROWS, MAX_OFF_ELLIPSOID = 30, 0.02
 MIN_CLOCK_ROWS, MAX_RESTARTS = 20, 3  # of a clock without a name that begins again
 MAX_NUMBERED = 100  # rows that are numbered as positions although the force hardly turns: a count of samples has more
 MIN_REPEATED, MIN_READ_ROWS, UNLIKE_REPEATS = 0.4, 100, 3.0  # of the rows; others; times the usual number
-FIRST_ROWS = 1000
+FIRST_ROWS = 1000  # within which a column that is no clock falls
 MAX_SHORT = 0.1  # rows of little force, of the number of those without any, which are lost readings then
 MIN_HELD_ROWS, MIN_PROBABILITY = 20, 1e-6  # equal rows of all sensors that may be held, and that chance leaves so
 

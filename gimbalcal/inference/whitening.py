@@ -54,7 +54,10 @@ class Whitening(NamedTuple):
             yield out.reshape(len(out) * C, p)
 
     def _of_state_and_row(self, these: slice) -> Array:
-        """Return for these rows what makes of the state before and a row, (n, m + C, m + C), state and white row."""
+        r"""Return the matrices (n, m + C, m + C) that make of a state and a row the next state and the white row.
+
+        .. math:: x_k = (\Phi - K H \Phi) x_{k-1} + K y_k, \qquad w_k = L^{-1} (y_k - H \Phi x_{k-1})
+        """
         Phi, H, gain, inverse = self.Phi[these], self.H[these], self.gain[these], self.inverse[these]
         seen = H * Phi[:, None, :]
         kept = np.eye(Phi.shape[1]) * Phi[:, None, :] - gain @ seen

@@ -106,9 +106,9 @@ class Recording(Displayed):
     they are means over the interval that ends there. `grade` says how large the usual imperfections of such sensors
     are. `date` is when it was recorded, ISO 8601, empty where unknown; `epoch` [s since 1970] is where a clock of dates
     has its zero. `restarts` are the times of rows at which a session begins an unknown time after the one before.
-    `corrected` names the calibrations by which it was corrected, in order (`Calibration.identity`). duration (n,) s is
-    the time of which each row is a mean, None where rows are samples; begin [s] is when a recording whose rows are
-    means of rows began, as what counts the time from there on is applied to all rows.
+    `corrected` names the calibrations by which it was corrected, in order (`Calibration.identity`). `duration` (n,) [s]
+    is the time of which each row is a mean, None where rows are samples; `begin` [s] is the first row of the recording
+    of which rows are means, from which effects count the time.
     """
 
     kind: Kind

@@ -26,6 +26,7 @@ from gimbalcal.effects import Effect
 from gimbalcal.effects.baseline_effects import GYROSCOPE_BIAS, GYROSCOPE_INPUT_TERMS
 from gimbalcal.effects.effect import GYROSCOPE_STAGES
 from gimbalcal.effects.history import integral
+from gimbalcal.effects.stimulus import instants_about_middle
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows, linearise
 from gimbalcal.inference.algebra import nonnegative_least_squares
@@ -45,7 +46,7 @@ from gimbalcal.views.rest_rates import MIN_RATE_SIGMA, horizontal_sigma
 BLOCK_S = 0.5  # s of a mean rate: no lag between readout and gyroscopes matters, and readouts hardly scatter
 PART_TURN = np.radians(10.0)  # rad of a part of a stretch, which is no longer than a block
 MAX_PARTS = 1000  # of a recording, unless it has more stretches
-INSTANTS = 4  # spread over each part, of which effects are averaged: what goes eight times round a turn was 5 % small
+INSTANTS = 4  # spread over each part, of which effects are averaged: else eight cycles in a turn would be 5 % small
 MAX_RATE_CHANGE = 0.005  # of the fastest rate, from one block to the next
 MIN_RATE = np.radians(0.1)  # rad/s; a table that never turns faster stands
 MOUNTING_SIGMA_RAD = np.radians(0.2)  # one sigma of how the unit is turned on the table: faces square to ten arcmin
@@ -122,9 +123,7 @@ def stretches_of(r: Recording, divided: bool = False) -> Stretches:
         np.array([C[span].mean(0) for span in spans]),
         _at_instants(r.time[ends].mean(axis=1), length),
         number,
-        _at_instants(_mean_angles(angles, spans), np.diff(np.unwrap(angles, axis=0)[ends], axis=1)[:, 0])
-        if divided
-        else None,
+        _at_instants(_mean_angles(angles, spans), _turned(angles, ends)) if divided else None,
         _vertical_in_base(r),
         {key: np.array([x[span].mean() for span in spans]) for key, x in r.channels.items() if key[0] in FOLLOWED},
     )
@@ -211,10 +210,15 @@ def _mean_angles(angle: Array, spans: Sequence[slice]) -> Array:
     return np.asarray(mean - 2 * np.pi * np.round((mean - middle) / (2 * np.pi)))
 
 
+def _turned(angle: Array, ends: Array) -> Array:
+    """Return by how much readouts (n, k) [rad] go on between first and last rows (m, 2), (m, k) [rad]."""
+    return np.asarray(np.diff(np.unwrap(angle, axis=0)[ends], axis=1)[:, 0])
+
+
 def _at_instants(mean: Array, change: Array) -> Array:
     """Return what changes steadily by (m, ...) about a mean (m, ...) at `INSTANTS` of each part (m, p, ...)."""
-    share = (np.arange(INSTANTS) + 0.5) / INSTANTS - 0.5
-    return np.asarray(mean[:, None] + np.multiply.outer(share, change).swapaxes(0, 1))
+    changes = np.multiply.outer(instants_about_middle(INSTANTS), change).swapaxes(0, 1)
+    return np.asarray(mean[:, None] + changes)
 
 
 def _constant_rate_blocks(group: Array, rate: Array, tolerance: float) -> list[Array]:

@@ -87,13 +87,13 @@ ADDED = '''
 CONTRIBUTION = '''
     def contribution(self, s: Stimulus) -> Array:
         """What the law adds, in the mean of each row{beyond}."""
-        each = [{added} for at in s.instants()]
+        each = [{added} for one in s.instants()]
         return sum(each) / len(each)
 '''
-OVER_ALL = {"beyond": "", "added": "self.law(at)"}
+OVER_ALL = {"beyond": "", "added": "self.law(one)"}
 SINCE_REST = {
     "beyond": ", beyond what it adds at rest, which is part of the bias",
-    "added": "self.law(at) - self.law(at.at(rate=0 * at.rate))",
+    "added": "self.law(one) - self.law(one.at(rate=0 * one.rate))",
 }
 
 

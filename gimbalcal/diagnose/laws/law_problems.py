@@ -69,11 +69,11 @@ def _places(fit: Fit) -> list[Place]:
             continue
         s, gimbals = rows.seen[stage], stage is Stage.ENCODER
         instants = len(s.instants())
-        every, means = instants * len(s.time), len(s.time) == len(rows.sensitivity(stage)) and len(s.time) % n == 0
-        of_row = every // n if means else 1  # a turn is no mean of its steps
+        means = len(s.time) == len(rows.sensitivity(stage)) and len(s.time) % n == 0
+        of_row = instants * len(s.time) // n if means else 1  # a turn is no mean of its steps
         block = np.repeat(v.noise.block, instants)
         if not len(block):
-            block = equal_stretches(every, group=np.repeat(v.groups, of_row))
+            block = equal_stretches(instants * len(s.time), group=np.repeat(v.groups, of_row))
         names = v.stimulus.axis_names if gimbals else tuple("xyz")
         # the norm of the force shows each accelerometer, gravity after a turn each gyroscope
         own = {a for q, a in v.channels if q == quantity and a in names} or set(names)
