@@ -364,7 +364,8 @@ def causes_replaced_by_a_formula(
     rig of the kind has stay in the model. A formula that leaves far more scatter than the causes replaces none, and one
     with as many coefficients none if it leaves more scatter at all: in noise with a memory a slow curve has much
     evidence and explains little of what a periodic cause does. A formula that spans a cause does not compete with it:
-    it is that cause with an additional term.
+    it is that cause with an additional term. Of what differs from the causes, none replaces a formula that is one of
+    them as long as that is nearly as likely: a line and its cube are hardly distinguished where most rows are at +-1 g.
     """
     special, doubtful = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind)), set[str]()
     for own in dict.fromkeys([special, *((cause,) for cause in special)] if special else []):
@@ -374,9 +375,10 @@ def causes_replaced_by_a_formula(
         b = _compared_in(without, s, row_sigma(without))
         if b is None or not b.laws:
             continue
-        known = max(h.ln_weight for h in s.hypotheses)
+        likeliest = b.laws[:MAX_COMPARED_LAWS]
+        same = _laws_of_causes(s, likeliest, names)
+        known = max([*(h.ln_weight for h in s.hypotheses), *(law.evidence for law in same)])
         if b.laws[0].evidence < known + CLAIM:
-            likeliest = b.laws[:MAX_COMPARED_LAWS]
             if _joint_evidence(likeliest) > known and _joint_evidence(_rival_laws(s, likeliest, names)) > known:
                 doubtful |= {cause.effect for cause in own}
             continue
@@ -405,6 +407,11 @@ def _rival_laws(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[L
     each = ((law, _terms_of(s, law)) for law in laws)
     others = ((law, terms) for law, terms in each if not any(key in names for key, _ in terms))
     return [law for law, terms in others if _explains_more(s, law, names, terms)]
+
+
+def _laws_of_causes(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[Law]:
+    """Return the laws that are causes of these names: they span none of them, and explain nothing else."""
+    return [law for law in laws if not (terms := _terms_of(s, law)) and not _explains_more(s, law, names, terms)]
 
 
 def _explains_more(s: Search, law: Law, names: Container[Key], terms: Terms) -> bool:
