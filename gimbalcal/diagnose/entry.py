@@ -156,7 +156,8 @@ def with_caveats(d: Diagnosis, recordings: Sequence[Recording], baseline: Sequen
         return replace(d, in_words=f"{d.in_words} {capitalised(slip)}.") if slip else d
     if d.verdict != "adequate":
         return d
-    every = [_outcome_in_place(d, recordings)[0], *(words for r in recordings for words in caveats(r, baseline))]
+    used = recordings if d.used is None else [d.used]
+    every = [_outcome_in_place(d, recordings)[0], *(words for r in used for words in caveats(r, baseline))]
     reasons = list(dict.fromkeys(filter(None, every)))
     if few:
         return replace(d, outcome=joined_sentences([few, *reasons]), provenance={**d.provenance, "untested": True})

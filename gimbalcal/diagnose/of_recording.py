@@ -23,16 +23,19 @@ from gimbalcal.diagnose.estimated_noise import diagnose_selected, select_causes
 from gimbalcal.diagnose.joint_diagnosis import calibration_of, joint_diagnosis
 from gimbalcal.diagnose.known_noise import diagnose_known_noise
 from gimbalcal.diagnose.laws.law_file import source_text
+from gimbalcal.diagnose.result import Shape
 from gimbalcal.diagnose.search.refit import start_with_baseline
 from gimbalcal.diagnose.verdict.verify import row_sigma
-from gimbalcal.diagnose.view_result import ViewDiagnosis
+from gimbalcal.diagnose.view_result import Contradiction, ViewDiagnosis
 from gimbalcal.effects import CATALOGUE, Effect, known_effect, parameters, zero_effect
 from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.effects.effect import SENSOR_STAGES, followed_covariate
 from gimbalcal.effects.loading import temporarily_loaded
 from gimbalcal.errors import InputError
+from gimbalcal.estimate.accelerometers.fit_summary import outliers_in_words
 from gimbalcal.estimate.accelerometers.multiposition import usual_accelerometers
 from gimbalcal.estimate.accelerometers.norm_outliers import norm_outliers, norm_outliers_in_words
+from gimbalcal.estimate.caveats import position_faults
 from gimbalcal.estimate.fit import fit
 from gimbalcal.estimate.gyroscopes.rate_table import on_a_table
 from gimbalcal.estimate.gyroscopes.rest_and_turn_fits import (
@@ -384,7 +387,9 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool = False) -> Parts:
     mine, gyro = by_triad(request.baseline)
     parts, notes = list[ViewDiagnosis](), list[str]()
     if (recording.has(FORCE) or not recording.has(RATE)) and (mine or not request.baseline):
-        parts.append(diagnose_views(request, known_view(request, mine)))
+        part, request = _diagnose_forces(request, mine)
+        recording = request.recording
+        parts.append(part)
     forces = parts[0].calibration if parts else None
     if recording.has(RATE) and not (mine and not gyro):
         calibration = request.calibration if forces is None else _accelerometer_calibration(forces)
@@ -398,6 +403,26 @@ def of_gimballed_unit(request: DiagnosisRequest, means: bool = False) -> Parts:
     for note in (*notes, *why_not):
         request.progress(note)
     return [*parts, *late], [*notes, *why_not]
+
+
+def _diagnose_forces(request: DiagnosisRequest, baseline: Sequence[str]) -> tuple[ViewDiagnosis, DiagnosisRequest]:
+    """Return the diagnosis of the forces, and what is to be diagnosed without positions that are mis-set.
+
+    Where nothing explains the whole, positions that were not held where the readouts say are a fault of the recording;
+    the rest of it is diagnosed.
+    """
+    whole = diagnose_views(request, known_view(request, baseline))
+    if whole.verdict != "unexplained" or not (faults := position_faults(request.recording)):
+        return whole, request
+    in_words = f"{capitalised(*outliers_in_words(faults))}."
+    request.progress(in_words)
+    used = without_dwells(request.recording, [visit for fault in faults for visit in fault.visits])
+    request = request.of(used)
+    rest = diagnose_views(request, known_view(request, baseline))
+    shapes = tuple(Shape(f"position {n}", diagnosis_sentences.NOT_AS_READ) for f in faults for n in f.positions)
+    contradictions = (Contradiction(in_words, shapes), *rest.contradictions)
+    located = rest.mismatch or whole.mismatch
+    return replace(rest, used=used, mismatch=located, contradictions=contradictions), request
 
 
 def _accelerometer_calibration(calibration: Calibration) -> Calibration:

@@ -16,7 +16,7 @@ from gimbalcal.effects.baseline_effects import BASELINE
 from gimbalcal.errors import InputError, number_of
 from gimbalcal.estimate.accelerometers.fit_summary import excess_in_words, larger_noise_in_words, outliers_in_words
 from gimbalcal.estimate.accelerometers.multiposition import multiposition, parameters_of_terms, scatter_in_words
-from gimbalcal.estimate.accelerometers.position_fit import Positions
+from gimbalcal.estimate.accelerometers.position_fit import Fault, Positions
 from gimbalcal.estimate.accelerometers.position_outliers import trusted_positions
 from gimbalcal.estimate.static_run.system import calibrate_static_run, static_readings
 from gimbalcal.estimate.unit import with_gyroscopes
@@ -92,8 +92,11 @@ def _of_unit(recording: Recording, terms: tuple[str, ...], both: bool) -> list[s
     return [forces, *(_sentences(lambda: [with_gyroscopes(recording, alone).outcome]) if both else ())]
 
 
-def position_faults(recording: Recording) -> tuple[str, ...]:
-    """Return sentences on positions that were not held where the readouts say, which is a fault and no physics."""
+def position_faults(recording: Recording) -> tuple[Fault, ...]:
+    """Return positions that were not held where the readouts say, which is a fault and no physics."""
     if not recording.kind.in_positions:
         return ()
-    return tuple(_sentences(lambda: [f.in_words for f in trusted_positions(recording).faults]))
+    try:
+        return trusted_positions(recording).faults
+    except InputError:
+        return ()

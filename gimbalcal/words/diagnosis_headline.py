@@ -23,6 +23,7 @@ from gimbalcal.words.diagnosis_sentences import (
     GYROSCOPES_NOT_ANALYSED,
     MAX_ALTERNATIVES,
     MAX_EXCESS_SCATTER,
+    NOT_AS_READ,
 )
 from gimbalcal.words.law_sentences import kind_of_laws, laws_in_words, next_of_laws
 from gimbalcal.words.naming import (
@@ -42,7 +43,8 @@ if TYPE_CHECKING:
     from gimbalcal.diagnose.answer import Diagnosis
     from gimbalcal.diagnose.result import Estimate, Finding, FitSummary
 
-DIFFERENT_UNITS = ("constants that differ", "terms that differ")  # between recordings of what should be one unit
+# of recordings that are of two units, or in which positions are mis-set
+NO_PHYSICS = ("constants that differ", "terms that differ", NOT_AS_READ)
 MAX_FINDINGS = 3  # that a headline names
 CONSTANTS = {"tau": "time constant", "period": "period", "order": "order", "teeth": "teeth", "lines": "lines",
              "epoch": "at", "m": "times a turn"}  # fmt: skip
@@ -63,8 +65,8 @@ def headline(d: Diagnosis) -> str:
         step = "state the actual noise in [noise] of recording.toml, or record again" if stated else "record again"
         scatter = f"No known physics is missing, but these data scatter more than {noise}."
         return f"{scatter} {as_sentence(d.outcome)} Next: {step}."
-    different = [u.shape.startswith(DIFFERENT_UNITS) for u in d.unexplained]
-    if d.verdict == "unexplained" and different and all(different):
+    faults = [u.shape.startswith(NO_PHYSICS) for u in d.unexplained]
+    if d.verdict == "unexplained" and faults and all(faults):
         return f"{as_sentence(d.outcome)} Otherwise no known physics is missing."
     both = [_verdict_headline(d), _reservation_without_advice(d.outcome)]
     first = d.verdict == "unexplained" or d.provenance.get("sessions")

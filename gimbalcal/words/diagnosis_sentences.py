@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 NO_CAUSE = "The model does not explain these data, and no cause of the catalogue does."
 WORSE_HELD_OUT = "rows held out are predicted worse with what is named than without it"
 SERIAL_CORRELATION = "a correlation between successive settings"
+NOT_AS_READ = "not held where the readouts say"
 REORDER_SETTINGS = (
     "visit the same angles again in another order: what depends on the angle comes again, a drift does not"
 )

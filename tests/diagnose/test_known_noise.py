@@ -128,17 +128,31 @@ def test_nothing_to_diagnose_is_refused():
         diagnose([])
 
 
-def test_interchanged_positions_are_told_from_physics():
-    r = record(np.random.default_rng(3))
+def interchanged(r):
+    """Return a recording in which the angles of positions 4 and 10 stand at each other's rows."""
     channels = dict(r.channels)
     for axis in ("platform", "inner", "middle"):
         angle = channels["gimbal_angle", axis].copy()
         four, ten = angle[r.position == 4][0], angle[r.position == 10][0]
         angle[r.position == 4], angle[r.position == 10] = ten, four
         channels["gimbal_angle", axis] = angle
-    d = diagnose([replace(r, channels=channels)])
+    return replace(r, channels=channels)
+
+
+def test_interchanged_positions_are_told_from_physics():
+    """They are a fault of the recording; the others calibrate the unit, and nothing else is missing."""
+    d = diagnose([interchanged(record(np.random.default_rng(3)))])
     assert d.verdict == "unexplained"
+    assert [u.channel for u in d.unexplained] == ["position 4", "position 10"]
+    assert d.fit["chi2_reduced_after"] < 1.3
     golden_text(d.in_words)
+
+
+def test_what_is_missing_besides_interchanged_positions_is_found():
+    error, ids = known(1)["asymmetry"]
+    d = diagnose([interchanged(at_strength(11, error, SIGMAS))])
+    assert {f["effect"] for f in d.findings} == ids
+    assert "interchanged" in d.outcome
 
 
 def test_a_bearing_of_the_third_order_is_named_with_its_order():

@@ -149,7 +149,8 @@ def law_of_misfit(
     if d.verdict != "unexplained":
         return LawSearchResult()
     progress(law_sentences.SEARCHING_REPLACEMENT if instead else law_sentences.SEARCHING)
-    outliers = position_outliers_in_words([position_faults(s.fit.view.source) for s in ranked.searches])
+    faults = [position_faults(s.fit.view.source) for s in ranked.searches]
+    outliers = position_outliers_in_words([[f.in_words for f in own] for own in faults])
     if outliers and len(ranked.searches) == 1:
         return LawSearchResult(recommend=law_sentences.REPEAT_POSITIONS, position_outliers=outliers)
     nodes = [fit_causes(s, ranked.within(d.shapes, k)[:1]).projection.node for k, s in enumerate(ranked.searches)]
