@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 
 from gimbalcal.checks.forces import MAX_RANGE_ERROR, other_range
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
+from gimbalcal.guess.attitude import LENGTHS, MAX_NORM_ERROR
 from gimbalcal.guess.clocks import may_be_clock
 from gimbalcal.guess.column_names import NOT_A_TRIAD, by_name, differ_in_axis, is_counter, plain_name, unit_written
 from gimbalcal.guess.log import Guess
@@ -43,6 +45,7 @@ MAX_SAMPLED_ROWS = 500_000  # of a log, evenly spaced, that show its usual numbe
 MIN_SHARE_OF_TURN, MAX_SPREAD_OF_DISTANCE = 0.6, 0.05  # of gravity: half the range of each axis, and 90 % of the spread
 MIN_SHARE_OF_OFFSET = 0.03  # of the offset of a converter, which gravity is; steps of a reading at rest are less
 MAX_SHARE_OF_SPREAD = 0.2  # of that about zero, which the spread about an offset is
+MAX_QUATERNION_SPREAD = 2e-3  # of its length, which is 1 but for rounding
 MAX_UNLIKE = 0.1  # of its length, which a filter changes of a vector
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
 _MATRIX = re.compile(r"(^|_)[a-z]?_?[0-3]_?[0-3](_|$)")  # elements of a matrix, M11, r_0_1
@@ -61,7 +64,8 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     filled = np.isfinite(np.stack([*columns.values()])).all(axis=0) if columns else np.zeros(0, dtype=bool)
     columns = {name: x[filled] for name, x in columns.items()} if filled.any() else {}
     growing = [name for name, x in columns.items() if len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]]
-    names = [name for name, x in columns.items() if name not in growing and not _stands_still(x)]
+    attitude = _quaternion(columns)
+    names = [n for n, x in columns.items() if n not in (*growing, *attitude) and not _stands_still(x)]
     if clock := next((n for n in growing if may_be_clock(columns[n]) and _has_stamps(columns[n])), ""):
         that = ", which" if clock == next(iter(columns)) else " that"
         out[clock] = Guess("time", "", "", f"the first column{that} grows from row to row")
@@ -84,6 +88,25 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     rates.sort(key=lambda t: (not all(map(_returns_to_a_level, values(t))), _decades_from_zero(values(t))))
     out |= _triads(forces[:1], FORCE, lambda _: "", "three columns whose length hardly changes")
     return out | _triads(rates[:1], RATE, lambda _: "", "three columns with the forces")
+
+
+def _quaternion(columns: Mapping[str, Array]) -> list[str]:
+    """Return four columns in a row of one length at every row, which no three of them have; none where none are.
+
+    Gravity with a small rate has one length nearly, and gravity alone has it, too.
+    """
+    names = list(columns)
+    for four in (names[k : k + 4] for k in range(len(names) - 3)):
+        q = [columns[n] for n in four]
+        length = float(np.median(_length(q)))
+        if not any(abs(length / one - 1) < MAX_NORM_ERROR for one in LENGTHS):
+            continue
+        of_four, *of_three = (
+            float(np.quantile(np.abs(_length(x) / length - 1), 0.99)) for x in (q, *combinations(q, 3))
+        )
+        if of_four < MAX_QUATERNION_SPREAD < MAX_SPREAD_OF_DISTANCE < min(of_three):
+            return four
+    return []
 
 
 def _stands_still(x: Array) -> bool:

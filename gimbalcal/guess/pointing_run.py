@@ -69,6 +69,7 @@ _READOUT = ANGLE_WORDS | {"pos", "position", "counter", "resolver", "servo", "ax
 MIN_JUMP_DEG, MIN_AROUND_DEG, MIN_UP_DEG = 1.0, 90.0, 30.0  # of azimuths and elevations of stars without names
 MIN_CORRELATION, MAX_COLUMNS = 0.98, 6  # of a readout and a measurement of one axis; columns of such a table
 MAX_RATIO = 1.25  # of two columns taken for angles of one axis, where one goes round or no name tells them from others
+MAX_SHARE_OFF = 0.2  # of what an angle changes, by which its readout is off the place of the star
 MAX_TURNS = 100  # of an axis, beyond which a number is no angle in deg
 MAX_OFFSET_DEG = 1.0  # deg; offsets beyond are arcseconds
 ASSUMED_SENSE = "measured minus commanded, as most write it: nothing in the file says so"
@@ -357,6 +358,11 @@ def _channels(
         notes["order"] = f"{a.name} is taken for where the star was and {b.name} for the readout, by their order alone"
     if a and b:
         true[axis], read[axis] = (_angle(table, s, axis, notes) for s in (a, b))
+        if "order" in notes and not _go_together(true[axis], read[axis]):
+            raise InputError(
+                f"{path}: {a.name} and {b.name} do not go together, as where a star was and the readout of the axis "
+                "do; leave out the one that is neither, or name them, as in az_true and az_encoder"
+            )
         why["true_angle", axis], why["gimbal_angle", axis] = (a.name, reason), (b.name, reason)
         if offset and not _offsets_agree(read[axis] - true[axis], _offset(table, offset, axis, {})):
             raise InputError(
@@ -383,6 +389,15 @@ def _channels(
         f"{sense}; to turn it round, exchange gimbal_angle and true_angle",
     )
     return offset
+
+
+def _go_together(true: Array, read: Array) -> bool:
+    """Return whether two angles [rad] (n,) of one axis differ by less than they change, in either sense."""
+    scatters = []
+    for x in (true, read - true, read + true):
+        middle = np.angle(np.nanmean(np.exp(1j * x)))
+        scatters.append(float(np.nanmedian(np.abs(within_half_turn(x - middle)))))
+    return min(scatters[1:]) <= MAX_SHARE_OFF * scatters[0]
 
 
 def _offsets_agree(difference: Array, offset: Array) -> bool:

@@ -33,6 +33,7 @@ from gimbalcal.recording.samples import redirect_messages
 
 _STAMPED = re.compile(rb"\s*\[[^\[\]{}\"\n]*\][ \t]*[^\s,\]]")  # a line of a log behind its stamp, [1530 ms] acc: 0.1
 START = 4096  # bytes that show what a file is
+_CONTROL = re.compile(rb"[^\t\n\f\r -~\x80-\xff]")  # bytes that no text holds
 MIN_ROWS = 3
 MAX_SKEW = 1e-3  # of a rotation matrix as it is written, from an orthogonal one
 MAX_RECORD = 32  # numbers of a binary record
@@ -74,10 +75,16 @@ def arrays_tables(path: Path) -> dict[Path, Table]:
 
 
 def is_text(path: Path) -> bool:
-    """Return whether a file is text, of an encoding without zero bytes or of UTF-16."""
+    """Return whether a file is text, of UTF-16 or of an encoding without zero bytes.
+
+    A logger that was switched on or cut off leaves runs of zero bytes; what remains is text of no control characters.
+    """
     with path.open("rb") as file:
         start = file.read(START)
-    return start.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" not in start
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" not in start:
+        return True
+    left = start.replace(b"\0", b"")
+    return b"\0\0" in start and len(left) > len(start) / 2 and not _CONTROL.search(left)
 
 
 def frame_table(frame: Any, called: str = "the frame") -> Table:

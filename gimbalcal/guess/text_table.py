@@ -95,9 +95,9 @@ def tables_of(path: Path, dates: Dates | None = None) -> dict[Path, Table]:
 
 
 def head_of(path: Path) -> list[str]:
-    """Return the first lines of a text file."""
+    """Return the first lines of a text file, without zero bytes."""
     with path.open(encoding=encoding_of(path), errors="replace") as file:
-        return [line.rstrip("\r\n") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
+        return [line.rstrip("\r\n").replace("\0", "") for line, _ in zip(file, range(HEAD_LINES), strict=False)]
 
 
 def table_of(path: Path, dates: Dates | None = None, lines: Sequence[str] | None = None) -> Table:

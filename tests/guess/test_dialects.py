@@ -413,6 +413,33 @@ def test_faces_in_logs_that_begin_with_a_line_cut_off_are_parts_of_one_run(tmp_p
     assert [d.position for d in dwells(r)] == [1, 2, 3]
 
 
+def test_zero_bytes_that_a_logger_left_do_not_make_a_text_binary(tmp_path):
+    """As a port sends while it is opened: in front of the names, which stand twice, and in the middle of a log."""
+    rng, paths, names = np.random.default_rng(12), [], b"timestamp_us,ax,ay,az"
+    for k, face in enumerate(np.eye(3)):
+        f = np.rint(16384 * rng.normal(face, 0.005, (300, 3)))
+        lines = [b",".join(b"%d" % v for v in (20_000 * i, *row)) for i, row in enumerate(f)]
+        lines[150] = bytes(100 + k)
+        paths.append(tmp_path / f"{k}.csv")
+        paths[-1].write_bytes(b"\n".join([names, bytes(443 + k) + names, *lines]))
+    r = propose_recording(paths).recording
+    assert len(r.time) > 890
+    assert [d.position for d in dwells(r)] == [1, 2, 3]
+
+
+@pytest.mark.parametrize("length", [1.0, 2.0**14])
+def test_a_quaternion_without_names_is_no_force(length):
+    """A unit in the hand logs its attitude, its force in counts and its rates: four columns have one length."""
+    rng, n = np.random.default_rng(13), 600
+    turned = np.cumsum(rng.normal(0.0, 0.02, (4, n)), axis=1) + np.array([[0.7], [0.1], [-0.3], [-0.6]])
+    q = length * turned / np.linalg.norm(turned, axis=0)
+    f = 2048 * rng.normal([[0.1], [0.3], [0.9]], 0.05, (3, n))
+    columns = (0.02 * np.arange(n), *(q if length == 1 else np.rint(q)), *np.rint(f), *rng.normal(0, 100, (3, n)))
+    guesses = by_order({str(k + 1): x for k, x in enumerate(columns)})
+    assert [name for name, g in guesses.items() if g.quantity == "specific_force"] == ["6", "7", "8"]
+    assert [name for name, g in guesses.items() if g.quantity == "angular_rate"] == ["9", "10", "11"]
+
+
 def test_a_vehicle_that_never_stops_has_no_rests(tmp_path):
     rng = np.random.default_rng(7)
     t = 0.01 * np.arange(6000)

@@ -67,6 +67,16 @@ def test_offsets_follow_the_words_of_the_file(tmp_path):
     golden_text(silent.notes["unit"])
 
 
+def test_two_places_that_do_not_go_together_are_no_star_and_readout(tmp_path):
+    """Where the telescope looked stands beside where the Sun was."""
+    sun = RNG.uniform(0, 360, 30), RNG.uniform(-40, 60, 30)
+    head = "Elevation,Azimuth,Elevation Sun,Azimuth Sun"
+    with pytest.raises(InputError, match="Elevation and Elevation Sun do not go together"):
+        propose_recording([write(tmp_path / "s.csv", head, EL, AZ, sun[1], sun[0])])
+    turned = write(tmp_path / "t.csv", "Elevation,Azimuth,Elevation 2,Azimuth 2", EL, AZ, EL + 0.1, 350 - AZ)
+    assert len(propose_recording([turned]).recording.time) == 30
+
+
 def test_offsets_on_the_sky_turn_the_axis_further(tmp_path):
     sky = OFF[0] * np.cos(np.radians(EL))
     found = propose_recording(
