@@ -34,6 +34,7 @@ from gimbalcal.importers.tpoint import equatorial
 from gimbalcal.number import Array
 from gimbalcal.platform import KNOWN
 from gimbalcal.recording.columns import ROW_STEP_S
+from gimbalcal.recording.dwell import stretch_means
 from gimbalcal.recording.record import UNKNOWN_SITE, Recording
 from gimbalcal.recording.site import with_normal_gravity
 from gimbalcal.rotation import within_half_turn
@@ -70,6 +71,7 @@ MIN_JUMP_DEG, MIN_AROUND_DEG, MIN_UP_DEG = 1.0, 90.0, 30.0  # of azimuths and el
 MIN_CORRELATION, MAX_COLUMNS = 0.98, 6  # of a readout and a measurement of one axis; columns of such a table
 MAX_RATIO = 1.25  # of two columns taken for angles of one axis, where one goes round or no name tells them from others
 MAX_SHARE_OFF = 0.2  # of what an angle changes, by which its readout is off the place of the star
+MIN_SLEW_STEPS, MIN_STARS, MIN_ROWS_OF_STAR = 20.0, 10, 5  # of a log of stars that a mount follows: usual steps, stars
 MAX_TURNS = 100  # of an axis, beyond which a number is no angle in deg
 MAX_OFFSET_DEG = 1.0  # deg; offsets beyond are arcseconds
 ASSUMED_SENSE = "measured minus commanded, as most write it: nothing in the file says so"
@@ -324,10 +326,25 @@ def pointing_proposal(
     if not whole.all():
         recording = recording.select(np.flatnonzero(whole))
         remarks = (*remarks, f"{path}: {int(np.sum(~whole))} of {rows} rows lack an angle and are left out")
+    starts = _starts_of_stars(recording, axes)
+    if MIN_STARS <= len(starts) <= len(recording.time) / MIN_ROWS_OF_STAR:
+        notes["samples"] = (
+            f"{len(recording.time)} rows follow {len(starts)} stars, between which the mount slews: means over each, "
+            "for what the rows of one have in common is one reading"
+        )
+        recording = stretch_means(recording, starts)
+        recording = replace(recording, weight=np.ones(len(starts)))
     notes["kind"] = f"two axes of a mount, {axes[0].replace('_', ' ')} and {axes[1]}, each twice"
     used = {name for name, _ in why.values()} | {s.name for s in columns if s.role == "offset"}
     left_out = tuple(n for n in (*table.columns, *table.others) if n not in used)
     return PointingRun(replace(recording, title=title, remarks=remarks), why, notes, left_out)
+
+
+def _starts_of_stars(recording: Recording, axes: tuple[str, str]) -> list[int]:
+    """Return the rows to which a mount slews, far more than the star moves from row to row, and the first one."""
+    around, up = (recording.channels["gimbal_angle", axis] for axis in axes)
+    steps = np.hypot(within_half_turn(np.diff(around)) * np.cos(up[1:]), within_half_turn(np.diff(up)))
+    return [0, *(np.flatnonzero(steps > MIN_SLEW_STEPS * np.median(steps)) + 1).tolist()] if len(steps) else [0]
 
 
 def _channels(

@@ -148,10 +148,12 @@ def block_means(recording: Recording, rows: int) -> Recording:
     """
     n, dt = len(recording.time), np.diff(recording.time)
     gaps = (np.flatnonzero(dt > MISSED_ROW_STEPS * np.median(dt)) + 1).tolist() if n > 1 else []
-    blocks = [
-        Dwell(1, at, min(at + rows, stop)) for start, stop in pairwise([0, *gaps, n]) for at in range(start, stop, rows)
-    ]
-    return _means(recording, blocks, None)
+    return stretch_means(recording, [at for start, stop in pairwise([0, *gaps, n]) for at in range(start, stop, rows)])
+
+
+def stretch_means(recording: Recording, starts: Sequence[int]) -> Recording:
+    """One row per stretch of a recording without positions, from each start to the next, averaged as `dwell_means`."""
+    return _means(recording, [Dwell(1, start, stop) for start, stop in pairwise([*starts, len(recording.time)])], None)
 
 
 def without_dwells(recording: Recording, ordinals: Collection[int]) -> Recording:

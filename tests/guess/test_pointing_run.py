@@ -77,6 +77,17 @@ def test_two_places_that_do_not_go_together_are_no_star_and_readout(tmp_path):
     assert len(propose_recording([turned]).recording.time) == 30
 
 
+def test_rows_that_follow_a_star_are_one_sighting(tmp_path):
+    """A mount follows each of 30 stars for 20 rows: what it is off there is one number, not twenty."""
+    along = np.tile(0.004 * np.arange(20), 30)
+    az, el, daz, de = (np.repeat(x, 20) for x in (AZ, EL, *OFF))
+    path = write(tmp_path / "r.csv", "az_obs,el_obs,az_residual [arcsec],el_residual [arcsec]", az + along, el, daz, de)
+    found = propose_recording([path])
+    agrees(found.recording)
+    assert found.recording.weight.tolist() == [1.0] * 30
+    golden_text(found.notes["samples"])
+
+
 def test_offsets_on_the_sky_turn_the_axis_further(tmp_path):
     sky = OFF[0] * np.cos(np.radians(EL))
     found = propose_recording(
