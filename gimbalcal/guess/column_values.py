@@ -50,6 +50,7 @@ MAX_UNLIKE = 0.1  # of its length, which a filter changes of a vector
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
 _MATRIX = re.compile(r"(^|_)[a-z]?_?[0-3]_?[0-3](_|$)")  # elements of a matrix, M11, r_0_1
 _PLACE = re.compile(r"position|translation|displacement")  # in metres, whatever moves
+MM_S2 = 1e3 * G0  # gravity in mm/s^2, which counts may be, too
 GRAVITY = {"m/s^2": G0, "g": 1.0, "ft/s^2": G0 / 0.3048, "mg": 1e3, "Gal": 100 * G0, "ug": 1e6, "mGal": 1e5 * G0}
 
 
@@ -288,8 +289,11 @@ def unit_of_force(triad: Sequence[Array]) -> tuple[str, str]:
     for unit, size in GRAVITY.items():
         if abs(length / size - 1) < MAX_GRAVITY_ERROR:
             return unit, f"at rest the three together are {length:.4g}, and gravity is {size:.4g} {unit}"
+    whole = _are_counts(triad)
+    if not whole and abs(length / MM_S2 - 1) < MAX_RANGE_ERROR:
+        return "mm/s^2", f"at rest the three together are {length:.4g} and no whole numbers, and gravity is {MM_S2:.4g}"
     if length > MIN_COUNT:
-        kind = "whole numbers" if _are_counts(triad) else "numbers"
+        kind = "whole numbers" if whole else "numbers"
         return "count", f"{kind}, {length:.4g} together: counts, whose scale the calibration finds"
     alike = length > 0 and float(np.quantile(np.abs(lengths / length - 1), 0.9)) < MAX_RANGE_ERROR
     for unit in ("g", "m/s^2"):

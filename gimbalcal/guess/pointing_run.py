@@ -110,6 +110,20 @@ def angles_in(table: Table) -> tuple[AngleColumn, ...]:
     return ()
 
 
+def refuse_single_angles(path: Path, table: Table) -> None:
+    """Raise InputError where both angles of a mount stand in a table once each, and no offset of them by its name."""
+    columns = [angle for name in table.columns if (angle := _angle_column(name)) is not None]
+    for first, second in _PAIRS:
+        own = [[s for s in columns if s.axis == axis] for axis in (first, second)]
+        if all(len(each) == 1 for each in own):
+            a, b = ("az", "el") if first == "azimuth" else ("ha", "dec")
+            raise InputError(
+                f"{path}: {first.replace('_', ' ')} and {second} ({own[0][0].name.strip()}, {own[1][0].name.strip()}) "
+                f"stand there once, and a run takes them twice, where the star was and what was read, or with what the "
+                f"mount was off by: add {a}_encoder, {b}_encoder, or call the offsets d{a}, d{b}"
+            )
+
+
 def with_unnamed_angles(table: Table) -> Table:
     """Return a table without names with its azimuths, elevations and their offsets called so, if it holds any.
 

@@ -33,6 +33,7 @@ from gimbalcal.guess.pointing_run import (
     angles_in,
     one_axis_run,
     pointing_proposal,
+    refuse_single_angles,
     with_unnamed_angles,
 )
 from gimbalcal.guess.space_stable import static_run
@@ -258,10 +259,12 @@ def _pointing(path: Path, table: Table, title: str, place: StatedByUser) -> Prop
     table, assumed = axis_angles(with_unnamed_angles(table), place.longitude)
     angles = angles_in(table)
     if not angles:
-        known = {g.quantity for name in table.columns if (g := by_name(name, quantity_of_log(path.stem)))}
-        if not known & {FORCE, RATE}:
+        guesses = [g for name in table.columns if (g := by_name(name, quantity_of_log(path.stem)))]
+        axes = {(g.quantity, g.axis) for g in guesses if g.quantity in (FORCE, RATE)}
+        if axes <= {(FORCE, "z")}:  # Az may be an azimuth
             refuse_single_places(path, table)
-        axis = None if known & {FORCE, RATE} else one_axis_run(path, table, title)
+            refuse_single_angles(path, table)
+        axis = None if axes else one_axis_run(path, table, title)
         return _of_run(axis, {}) if axis else None
     latitude = None if place.latitude is None else float(np.radians(place.latitude))
     run = pointing_proposal(path, table, angles, title, latitude, place.height)

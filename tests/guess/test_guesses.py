@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gimbalcal.guess.clocks import clock_jitter, costs_of_unit, in_unit, single_sensor, unit_of_time
-from gimbalcal.guess.column_values import by_order, costs_of_rate
+from gimbalcal.guess.column_values import by_order, costs_of_rate, unit_of_force
 from gimbalcal.guess.gimbal_chain import unit_of_angle
 from gimbalcal.guess.log import Guess, Log
 from gimbalcal.guess.merged_logs import on_one_clock, without_duplicates
@@ -75,6 +75,14 @@ def test_a_first_column_that_numbers_the_rows_is_no_clock(first):
     for clock in (0.02 * number, 20 * number, 1.7e9 + number):
         guesses = by_order({"1": number, "2": clock, **forces})
         assert [n for n, g in guesses.items() if g.quantity == "time"] == ["2"]
+
+
+def test_thousandths_are_no_counts():
+    """Logs of printers are in mm/s^2, with fractions; 9773 whole numbers to a g are counts."""
+    f = np.random.default_rng(2).normal([[1690.0], [9624.0], [207.0]], 45.0, (3, 500))
+    assert unit_of_force(list(f))[0] == "mm/s^2"
+    assert unit_of_force(list(np.rint(f)))[0] == "count"
+    assert unit_of_force(list(8192 / 9807 * f))[0] == "count"  # means of counts
 
 
 def test_another_unit_of_a_clock_is_said_with_its_rate():

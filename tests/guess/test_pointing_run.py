@@ -77,6 +77,11 @@ def test_two_places_that_do_not_go_together_are_no_star_and_readout(tmp_path):
     assert len(propose_recording([turned]).recording.time) == 30
 
 
+def test_angles_of_a_mount_that_stand_once_are_refused_for_that(tmp_path):
+    with refused():
+        propose_recording([write(tmp_path / "o.csv", "Az,El,CCDXerror,CCDYerror", AZ, EL, *OFF)], rate=1.0)
+
+
 def test_rows_that_follow_a_star_are_one_sighting(tmp_path):
     """A mount follows each of 30 stars for 20 rows: what it is off there is one number, not twenty."""
     along = np.tile(0.004 * np.arange(20), 30)
