@@ -327,14 +327,16 @@ seconds at a time for the table. The panels show the misfit before (grey) and af
 UNSEEN = """
 ## Recordings of other repositories
 
-COUNT recordings, six of them simulated, taken from public repositories after the program was written. Each was examined
-independently in plain numpy and then run through `new`, `calibrate`, `diagnose` or `noise` as a user would. The first
-run is that of the program as it was, the last run that after what it showed had been corrected. Seven groups of twelve
-were chosen before any of them was run: in their first runs eight, eight, four, seven, eight, eleven and nine are right
-or honestly refused for the true reason, and none is falsely green or a crash (one recording of the last group was first
-run after a correction). Of an eighth, of fourteen, seven are, two are wrong, and one is a crash; of a ninth, of
-fourteen, six are, and one is wrong; of a tenth, of twenty-five, fifteen are, and one is wrong. The verdicts compare a
-run with the independent fit, by hand:
+COUNT recordings, seven of them simulated, taken from public repositories after the program was written. Each was
+examined independently in plain numpy and then run through `new`, `calibrate`, `diagnose` or `noise` as a user would.
+The first run is that of the program as it was, the last run that after what it showed had been corrected. Seven
+groups of twelve were chosen before any of them was run: in their first runs eight, eight, four, seven, eight, eleven
+and nine are right or honestly refused for the true reason, and none is falsely green or a crash (one recording of the
+last group was first run after a correction). Of an eighth, of fourteen, seven are, two are wrong, and one is a crash;
+of a ninth, of fourteen, six are, and one is wrong; of a tenth, of twenty-five, fifteen are, and one is wrong; of an
+eleventh, of twenty-five, fifteen are, and six are wrong; of five more, first run after these were corrected, four
+are; of a twelfth, of twenty-nine, eighteen are, and four are wrong. The verdicts compare a run with the independent
+fit, by hand:
 
 * *right*: as the independent fit;
 * *half right*: usable after a correction by the user, or with one wrong statement;
