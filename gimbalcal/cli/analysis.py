@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -55,16 +56,19 @@ def store_options(command: F) -> F:
     return STORE(UNIT(command))
 
 
-def keep_result(store: Path | None, unit: str, kind: str, content: Json) -> None:
-    """Keep a result in the store, if one is named; that of one sensor of several under the sensor's name."""
+def keep_results(store: Path | None, unit: str, results: Sequence[tuple[str, Json]]) -> None:
+    """Keep results, each with its kind, in the store, if one is named; those of a sensor under the sensor's name."""
     if store is None:
         return
     from gimbalcal.history import StoredResult, date_in, keep
 
-    origin = content.get("provenance", {})
-    sensor = origin.get("options", {}).get("sensor", "")
-    date = date_in(origin) or datetime.now(UTC).isoformat(timespec="seconds")
-    keep(store, StoredResult(" ".join(filter(None, [unit, sensor])), date, kind, content))
+    entries = []
+    for kind, content in results:
+        origin = content.get("provenance", {})
+        sensor = origin.get("options", {}).get("sensor", "")
+        date = date_in(origin) or datetime.now(UTC).isoformat(timespec="seconds")
+        entries.append(StoredResult(" ".join(filter(None, [unit, sensor])), date, kind, content))
+    keep(store, *entries)
 
 
 @click.command(
@@ -112,13 +116,17 @@ def calibrate(
 
     target = output.folder(recordings, "calibration", ("calibration.json", "report.html"))
     each = calibrate_each(recordings, method or "", terms, output.progress, more, states, grade, without)
-    if target is not None:
+    results = [("calibration", calibration.to_dict()) for calibration, _ in each]
+    keep = partial(keep_results, store, unit, results)
+    if target is None:
+        keep()
+    else:
         own = sensor_folders([loaded for _, loaded in each])
-        write_calibrations([(*one, at) for one, at in zip(each, own, strict=True)], target.folder, target.question)
+        write_calibrations(
+            [(*one, at) for one, at in zip(each, own, strict=True)], target.folder, target.question, keep
+        )
         for at in own:
             output.wrote(target.folder / at, "calibration.json")
-    for calibration, _ in each:
-        keep_result(store, unit, "calibration", calibration.to_dict())
     content = each[0][0].to_dict()
     if len(each) > 1:
         content["other_sensors"] = {loaded[0].sensor: c.to_dict() for c, loaded in each[1:]}
@@ -158,16 +166,17 @@ def diagnose(
     diagnoses = [
         run(each, calibration=start, baseline=baseline, seed=seed, progress=progress, grade=grade) for each in groups
     ]
-    if target is not None:
+    results = [("diagnosis", diagnosis.to_dict()) for diagnosis in diagnoses]
+    results += [("calibration", d.calibration.to_dict()) for d in diagnoses if d.calibration is not None]
+    keep = partial(keep_results, store, unit, results)
+    if target is None:
+        keep()
+    else:
         own = sensor_folders(groups)
         titles = [" and ".join(dict.fromkeys(r.title for r in loaded)) for loaded in groups]
-        write_diagnoses(list(zip(diagnoses, titles, own, strict=True)), target.folder, target.question)
+        write_diagnoses(list(zip(diagnoses, titles, own, strict=True)), target.folder, target.question, keep)
         for at in own:
             output.wrote(target.folder / at, "diagnosis.json")
-    for diagnosis in diagnoses:
-        keep_result(store, unit, "diagnosis", diagnosis.to_dict())
-        if diagnosis.calibration is not None:
-            keep_result(store, unit, "calibration", diagnosis.calibration.to_dict())
     content, sentences, checks = diagnoses[0].to_dict(), [headline_and_numbers(diagnoses[0])], []
     if len(diagnoses) > 1:
         others = zip(groups[1:], diagnoses[1:], strict=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from gimbalcal.atomic import as_json
-from gimbalcal.cli.options import LATITUDE, POSITIVE, FilePath, Number, completing, example, named_settings
+from gimbalcal.cli.options import HEIGHT, LATITUDE, POSITIVE, FilePath, Number, completing, example, named_settings
 from gimbalcal.cli.output_folders import Output, output_options
 from gimbalcal.cli.plain_characters import say
 from gimbalcal.errors import InputError, number_of
@@ -157,7 +157,7 @@ def import_(kind: str, files: tuple[Path, ...], settings: tuple[str, ...], outpu
     metavar="DEG",
     help="Of the place: gravity is known by it, and the pole of an equatorial mount.",
 )
-@click.option("--height", type=Number(), default=None, metavar="M", help="Of the place, above the sea.")
+@click.option("--height", type=HEIGHT, default=None, metavar="M", help="Of the place, above the sea.")
 @click.option(
     "--longitude",
     type=Number(-360, 360),

@@ -57,6 +57,7 @@ class Number(click.FloatRange):
 
 
 POSITIVE, LATITUDE = Number(0, 1e9, min_open=True), Number(-90, 90)
+HEIGHT = Number(-12e3, 100e3)  # m, as in [site]
 NOISE = Number(1e-12, 1e9)  # beyond, squares of it are lost by cancellation
 
 

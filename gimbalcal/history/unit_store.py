@@ -178,7 +178,7 @@ def _open(path: Path, make: bool) -> Iterator[sqlite3.Connection]:
             _create_tables(base)
         elif mark != MARK or version not in READABLE_FORMATS:
             formats = " and ".join(map(str, READABLE_FORMATS))
-            what = f"of format {version}, and this version reads {formats}" if mark == MARK else "another program's"
+            what = f"of format {version}, and this version reads {formats}" if mark == MARK else "of another program"
             raise InputError(f"{path} is a database {what}; give another --store")
         yield base
     except (sqlite3.DatabaseError, UnicodeDecodeError) as problem:  # a damaged byte of a text is no database error
@@ -203,8 +203,8 @@ def _create_tables(base: sqlite3.Connection) -> None:
         try:
             base.execute("pragma journal_mode = wal")
             break
-        except sqlite3.OperationalError:
-            if time.monotonic() > until:
+        except sqlite3.OperationalError as problem:
+            if problem.sqlite_errorcode not in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED) or time.monotonic() > until:
                 raise
             time.sleep(0.01)
     base.execute("begin immediate")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,15 +36,29 @@ def write_diagnosis(diagnosis: Diagnosis, out: Path, title: str) -> None:
     write_diagnoses([(diagnosis, title, "")], out)
 
 
-def write_calibrations(each: Sequence[tuple[Calibration, Sequence[Recording], str]], out: Path, question: str) -> None:
-    """Write the calibration of each sensor, of its recordings, into its folder in `out` ("" or a name), all or none."""
+def write_calibrations(
+    each: Sequence[tuple[Calibration, Sequence[Recording], str]],
+    out: Path,
+    question: str,
+    keep: Callable[[], None] = lambda: None,
+) -> None:
+    """Write the calibration of each sensor, of its recordings, into its folder in `out` ("" or a name), all or none.
+
+    keep: called when all is written and before it is in its place: where it fails, nothing is written.
+    """
     with atomic_folder(out) as new:
         for calibration, recordings, own in each:
             write_calibration(calibration, recordings, new / own, question=question)
+        keep()
 
 
-def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, question: str = "") -> None:
-    """Write the diagnosis of each sensor, with its title, into its folder in `out` ("" or a name), all or none."""
+def write_diagnoses(
+    each: Sequence[tuple[Diagnosis, str, str]], out: Path, question: str = "", keep: Callable[[], None] = lambda: None
+) -> None:
+    """Write the diagnosis of each sensor, with its title, into its folder in `out` ("" or a name), all or none.
+
+    keep: see `write_calibrations`.
+    """
     from gimbalcal.diagnose.laws.law_file import is_found, source_text
     from gimbalcal.report.diagnosis_page import diagnosis_report
 
@@ -58,6 +72,7 @@ def write_diagnoses(each: Sequence[tuple[Diagnosis, str, str]], out: Path, quest
             if diagnosis.laws:
                 write(new / own / "law.py", source_text(diagnosis.laws))
             write(new / own / "report.html", page_with_question(page, question))
+        keep()
 
 
 def write_report(name: str, content: Json | Sequence[Json], page: str, out: Path, question: str) -> None:

@@ -317,3 +317,29 @@ def test_a_guide_pulse_of_fifty_days(tmp_path):
     path.write_text(text.replace(",0.1,0.1,20,W,", ",0.1,0.1,4320000000,W,", 1))
     with pytest.raises(InputError, match="a pulse of 4320000000 ms"):
         import_files("phd2", [path], {"latitude": "51"})
+
+
+@pytest.mark.parametrize("name", ["calibrate", "diagnose"])
+def test_what_the_store_does_not_take_is_not_written_either(command, capsys, monkeypatch, name):
+    def full(*_):
+        raise InputError("units.db cannot be used as a store (database or disk is full); give another --store")
+
+    monkeypatch.setattr("gimbalcal.history.keep", full)
+    assert "disk is full" in refused(command, capsys, name, DEVICE, "--store", "units.db", "--out", "results")
+
+
+def test_a_store_on_a_disk_that_fails_is_refused_at_once(tmp_path, monkeypatch):
+    class Failing(sqlite3.Connection):
+        def execute(self, statement, *values):
+            if "journal_mode" in statement:
+                problem = sqlite3.OperationalError("disk I/O error")
+                problem.sqlite_errorcode = sqlite3.SQLITE_IOERR
+                raise problem
+            return super().execute(statement, *values)
+
+    connect = sqlite3.connect
+    monkeypatch.setattr(sqlite3, "connect", lambda *a, **k: connect(*a, factory=Failing, **k))
+    start = time.monotonic()
+    with pytest.raises(InputError, match="disk I/O error"):
+        keep(tmp_path / "units.db", entry())
+    assert time.monotonic() - start < WAIT_S / 4
