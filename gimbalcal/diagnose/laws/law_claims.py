@@ -377,7 +377,7 @@ def causes_replaced_by_a_formula(
         if b is None or not b.laws:
             continue
         likeliest = b.laws[:MAX_COMPARED_LAWS]
-        same = _laws_of_causes(s, likeliest, names)
+        same = [law for law in likeliest if any(_is_cause(s, law, name) for name in names)]
         known = max([*(h.ln_weight for h in s.hypotheses), *(law.evidence for law in same)])
         if b.laws[0].evidence < known + CLAIM:
             if _joint_evidence(likeliest) > known and _joint_evidence(_rival_laws(s, likeliest, names)) > known:
@@ -410,9 +410,10 @@ def _rival_laws(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[L
     return [law for law, terms in others if _explains_more(s, law, names, terms)]
 
 
-def _laws_of_causes(s: Search, laws: Sequence[Law], names: Container[Key]) -> list[Law]:
-    """Return the laws that are causes of these names: they span none of them, and explain nothing else."""
-    return [law for law in laws if not (terms := _terms_of(s, law)) and not _explains_more(s, law, names, terms)]
+def _is_cause(s: Search, law: Law, name: Key) -> bool:
+    """Return whether a law is the cause of this name: it spans no cause, and explains nothing else."""
+    terms = _terms_of(s, law)
+    return not terms and not _explains_more(s, law, {name}, terms)
 
 
 def _explains_more(s: Search, law: Law, names: Container[Key], terms: Terms) -> bool:

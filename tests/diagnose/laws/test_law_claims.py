@@ -18,7 +18,7 @@ from gimbalcal.diagnose.laws import law_claims
 from gimbalcal.diagnose.laws.expressions import Expression, terms_of_variable
 from gimbalcal.diagnose.laws.law_claims import (
     _evidence_without_clearest_groups,
-    _laws_of_causes,
+    _is_cause,
     _rival_laws,
     _visible_columns,
     causes_replaced_by_a_formula,
@@ -536,8 +536,8 @@ def test_a_formula_that_spans_a_cause_is_no_rival_of_it():
     assert rivals(other)
     nearly = own + 1e-3 * np.std(own) * np.random.default_rng(2).standard_normal(own.shape)
     assert not rivals(nearly)
-    each = [SimpleNamespace(columns=x) for x in (nearly, other, np.concatenate([own, other], axis=2))]
-    assert _laws_of_causes(made, each, {name}) == each[:1]
+    each = (SimpleNamespace(columns=x) for x in (nearly, other, np.concatenate([own, other], axis=2)))
+    assert [_is_cause(made, law, name) for law in each] == [True, False, False]
 
 
 def test_a_law_that_two_stars_show_is_none():
