@@ -32,8 +32,8 @@ from gimbalcal.number import Array, absolute, arctan2, cos, exp, log, sign, sin
 
 
 def angle(s: Stimulus, name: str) -> Array:
-    """Angle (n,) [rad] of a gimbal; zero on a platform without it."""
-    return s.angle[:, s.axis_names.index(name)] if name in s.axis_names else 0 * s.time
+    """Angle (n,) [rad] of a gimbal; on a platform without it a right one, of which every form is finite."""
+    return s.angle[:, s.axis_names.index(name)] if name in s.axis_names else 0 * s.time + np.pi / 2
 
 
 def moved(s: Stimulus, name: str) -> Array:

@@ -1,6 +1,7 @@
 """Laws that no catalogue holds: found, written as effects, and these explain the recording."""
 
 import json
+import warnings
 from dataclasses import replace
 from functools import cache
 from hashlib import sha256
@@ -588,3 +589,14 @@ def test_a_shape_that_names_what_a_formula_follows_is_kept():
     of_rate = replace(law, variables=("rate_z",))
     assert shapes_with_laws((smooth, other), [of_rate]) == (Shape("angular_rate z", "a function of rate z"), other)
     assert shapes_with_laws((), [of_rate]) == (Shape("angular_rate z", "a function of rate z"),)
+
+
+def test_a_law_of_a_mount_is_calibrated_with_the_terms_of_every_mount():
+    """The tube bends in the model of the mount anyway; a negative power is finite on a platform without the axis."""
+    law, seed = LAWS["strange refraction"], 375
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        d = diagnose([simulated(seed, law, size_of(seed, law, 60.0))])
+    assert "tube_flexure" in {f.effect for f in d.findings}
+    assert "tube_flexure" not in d.laws[0].known_effects
+    assert d.laws[0].effect in {p.effect for p in d.calibration.parameters}
