@@ -35,6 +35,7 @@ WALK_PRIOR = (0.85, 0.07, 0.05, 0.03)
 SETTING_PRIOR_SHARE = 0.15  # prior from which a setting repeatability is combined with them
 SLOW_MODES = 160  # cosine modes; the strongest walk of the grid adds 2 % to white noise there
 LOST_NATS = 0.5  # nats of the likelihood of a walk that shows beyond them, to which more of them are taken
+LEAST_SCATTER = 1e-6  # of the stated sigma, below which rows differ by the rounding of numbers alone
 MIN_ROWS_INSIDE = 30  # rows inside dwells below which the stated noise is better than what they show
 NEGLIGIBLE_SETTING = 1e-3  # sigmas of a mean: products of setting errors below are none, as those of arcseconds are
 HEAVY_KURTOSIS = 0.6  # excess kurtosis above which rows are weighted
@@ -51,7 +52,8 @@ def scale_to_scatter(o: Fit) -> Fit:
     if len(fast) < MIN_ROWS_INSIDE:
         return o
     scale, plain = np.median(np.abs(fast), axis=0) / 0.6745, fast.std(axis=0)
-    scale, plain = (np.where(a > 0, a, 1.0) for a in (scale, plain))  # a channel that always reads the same
+    # a channel that always reads the same, as where its converter is coarser than its noise
+    scale, plain = (np.where(a > LEAST_SCATTER, a, 1.0) for a in (scale, plain))
     kurtosis, weight = float(np.mean(_excess_kurtosis(fast / scale))), None
     if kurtosis > HEAVY_KURTOSIS:
         blocks = o.view.noise.in_blocks
@@ -60,6 +62,7 @@ def scale_to_scatter(o: Fit) -> Fit:
         # what no level follows is physics: it makes no row noisier than the rows next to it show
         weight = robust.weight
         scale = np.minimum(robust.of_means if blocks else robust.of_rows, plain)
+        scale = np.where(scale > LEAST_SCATTER, scale, 1.0)
     else:
         scale = plain
     noise = replace(o.view.noise, sigma=o.sigma * scale, kurtosis=kurtosis, weights=weight, scatter=scale)

@@ -121,6 +121,17 @@ def test_a_channel_that_always_reads_the_same_breaks_nothing(tails):
     assert np.all(o.sigma > 0)
 
 
+@pytest.mark.parametrize("tails", [0.0, TAILS])
+def test_a_channel_of_a_coarse_converter_keeps_the_stated_noise(tails):
+    """Its rows are equal within a dwell, to the rounding of numbers; the others have the noise that they show."""
+    r = record(np.random.default_rng(7), None, 0.0, tails=tails, rows=120)
+    coarse = {("specific_force", a): np.round(r.channels["specific_force", a]) for a in "yz"}
+    o = fit_baseline(view_at_known_attitude(replace(r, channels={**r.channels, **coarse})))
+    sigma = scale_to_scatter(o).sigma
+    np.testing.assert_allclose(sigma[1:], o.sigma[1:])
+    assert 0.5 < sigma[0] / o.sigma[0] < 5
+
+
 def of_rows(o, node):
     """Covariance (R, R) of reduced rows from the covariance of every process at every row, one dense product."""
     s, n, C = o.view.stimulus, *o.residual.shape
