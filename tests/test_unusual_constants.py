@@ -53,6 +53,13 @@ def test_a_wrong_latitude_is_named(run, degrees):
     golden_text(made.outcome)
 
 
+def test_a_reversed_attitude_error_is_named_and_no_constants_with_it(run):
+    """No model fits such a run: the iteration ends soon, and the constants are not those of the unit."""
+    made, _ = calibrate([scaled(run, ["roll"], -1.0, "attitude_error")])
+    assert "attitude error roll is of the opposite sign: write sign = -1" in made.outcome
+    assert "usual is below" not in made.outcome
+
+
 def test_a_gain_that_nothing_explains_is_asked_for(device):
     for method in ("three-stage", "multiposition"):
         made, _ = calibrate([scaled(device, "z", 1.1)], method)

@@ -4,7 +4,8 @@ r"""Damped Gauss-Newton on linearised rows: the estimate with its joint covarian
 
 with :math:`\hat x_k` the least-squares solution of the rows linearised at x_k. Every linear model of this package takes
 h = 1; with a nonlinear constant among the parameters (a time constant, a period) h is halved until chi^2 falls, and the
-constant stays within the range that the rows can resolve.
+constant stays within the range that the rows can resolve. Where short steps gain next to nothing, one after the other,
+no model of these parameters describes the rows, and the iteration ends without having converged.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ MAX_QUADRATIC_STEPS = 10  # after which a step that lowers chi^2 by no more than
 MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
 AT_END = 1e-9  # share of the range of a constant: nearer to an end it is there
 ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
+MIN_PROGRESS, MAX_STALLED_STEPS = 1e-3, 3  # share of chi^2 that a shortened step gains, and so many that gain less
 
 Linearise = Callable[[Array], Information]
 """Information about all parameters from rows that are linearised at x (p,)."""
@@ -55,14 +57,17 @@ def gauss_newton(
     if damped or bounds is not None:  # else every step that returns what rows do not determine to its prior is halved
         start, x = x, _undetermined_at_prior(info, x, bounds, seen)
         info = info if x is start else linearise(x)
+    stalled = 0
     for step in range(1, MAX_STEPS + 1):
         solution = solve_about(info, x, bounds, seen)
         if arrived(step, x, solution) or (step > MAX_QUADRATIC_STEPS and _is_rounding(info, x, solution.x)):
             return Minimum(solution, x, info, step)
-        if step == MAX_STEPS or diverged(solution.x):
+        if step == MAX_STEPS or stalled == MAX_STALLED_STEPS or diverged(solution.x):
             break
         if damped or bounds is not None:
-            x, info = _damped_step(linearise, info, x, solution.x, bounds, seen)
+            before = chi2(info, x)
+            x, info, h = _damped_step(linearise, info, x, solution.x, bounds, seen)
+            stalled = stalled + 1 if h < MIN_DAMPING**0.5 and chi2(info, x) > (1 - MIN_PROGRESS) * before else 0
         else:
             x, info = solution.x, linearise(solution.x)
     return Minimum(solution, x, info, 0)
@@ -141,8 +146,8 @@ def _is_rounding(info: Information, x: Array, target: Array) -> bool:
 
 def _damped_step(
     linearise: Linearise, info: Information, x: Array, target: Array, bounds: Array | None, seen: float
-) -> tuple[Array, Information]:
-    """A step towards the target, halved until chi^2 does not rise, and the rows where it ends.
+) -> tuple[Array, Information, float]:
+    """A step towards the target, halved until chi^2 does not rise, the rows where it ends, and its share.
 
     Of a model with constants these alone take the step, and everything that is linear follows them (variable
     projection): a curved valley costs no steps.
@@ -157,9 +162,9 @@ def _damped_step(
         if finite and bounds is not None:
             new = _conditional_solution(there, new[constant], constant, seen)
         if finite and (chi2(there, new) <= before * (1 + ROUNDING_OF_CHI2) or h <= MIN_DAMPING):
-            return new, there if bounds is None else linearise(new)
+            return new, there if bounds is None else linearise(new), h
         if h <= MIN_DAMPING:
-            return x, info
+            return x, info, h
         h /= 2
 
 

@@ -79,3 +79,22 @@ def test_a_step_beyond_the_range_of_the_model_is_shortened() -> None:
     m = gauss_newton(linearise, start, None, 1e-9, True, arrived, lambda _: False)
     assert m.steps
     np.testing.assert_allclose(m.solution.x[0], 0.04, rtol=1e-6)
+
+
+def test_an_iteration_that_gains_next_to_nothing_ends_without_having_converged() -> None:
+    """Rows that turn much faster than their derivative says, and leave a misfit that no parameter explains."""
+    t, seen = np.linspace(0.5, 1.5, 30), list[int]()
+
+    def linearise(x: Array) -> Information:
+        seen.append(1)
+        model, J = np.append(t * x[0], 0.0), np.zeros((31, 3))
+        J[:30, 0] = t / 150
+        return information(J, np.append(t * 5.0, 1e3) - model + J @ x, tuple(replace(p, sigma=1e6) for p in WANTED))
+
+    def arrived(_: int, x: Array, solution: Solution) -> bool:
+        return bool(np.all(np.abs(solution.x - x) <= 1e-9))
+
+    m = gauss_newton(linearise, np.zeros(3), None, 1e-9, True, arrived, lambda _: False)
+    assert not m.steps
+    assert 0 < m.x[0] <= 10.0
+    assert len(seen) < 40
