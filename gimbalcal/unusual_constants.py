@@ -108,11 +108,10 @@ def beyond_grade(c: Calibration, limit: Limit) -> tuple[int, ...]:
 
 def in_words(c: Calibration, beyond: Sequence[int], limit: Limit, cause: str, grade: str) -> str:
     """Return in words the constants beyond the grade, their usual size, and the likely cause."""
-    stated = []
-    c = c.in_printed_units
+    stated, printed = [], c.in_printed_units.parameters
     for i in beyond[:MAX_SHOWN]:
-        p = c.parameters[i]
-        size, sigma, usual = (from_si(x, p.unit) for x in (c.values[i], c.sigmas[i], limit(p)))
+        p = printed[i]
+        size, sigma, usual = (from_si(x, p.unit) for x in (c.values[i], c.sigmas[i], limit(c.parameters[i])))
         stated.append(
             f"{p.name.replace('_', ' ')} {p.axis} is {size:.4g} +- {sigma:.2g} {p.unit}, usual is below {usual:.3g}"
         )

@@ -60,6 +60,17 @@ def test_a_reversed_attitude_error_is_named_and_no_constants_with_it(run):
     assert "usual is below" not in made.outcome
 
 
+def test_a_limit_is_in_the_unit_of_the_constant(device):
+    """Large misalignments are printed in mrad, and three degrees are 52 of these."""
+    made, _ = calibrate([device], "three-stage")
+    (i,) = (i for i, p in enumerate(made.parameters) if p.label == "misalignment:xz")
+    values = np.where(np.arange(len(made.values)) == i, 0.077, made.values)
+    far = replace(made, effects=with_values(made.effects, made.parameters, values, device.platform.axis_names))
+    asked = with_question(far, [device], Graded(GRADES["navigation"], ""), lambda _: far)
+    assert "77 " in asked.outcome
+    assert "mrad, usual is below 52.4" in asked.outcome
+
+
 def test_a_gain_that_nothing_explains_is_asked_for(device):
     for method in ("three-stage", "multiposition"):
         made, _ = calibrate([scaled(device, "z", 1.1)], method)
