@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -32,6 +33,10 @@ from gimbalcal.entries import Json
 from gimbalcal.errors import InputError
 from gimbalcal.method_table import METHODS, NAMED_BY_USERS
 
+if TYPE_CHECKING:
+    from gimbalcal.calibration import Calibration
+    from gimbalcal.diagnose.answer import Diagnosis
+
 UNIT_NAMES = ("folder", "parent", "title")
 
 
@@ -56,14 +61,17 @@ def store_options(command: F) -> F:
     return STORE(UNIT(command))
 
 
-def keep_results(store: Path | None, unit: str, results: Sequence[tuple[str, Json]]) -> None:
-    """Keep results, each with its kind, in the store, if one is named; those of a sensor under the sensor's name."""
+def keep_results(
+    store: Path | None, unit: str, calibrations: Sequence[Calibration], diagnoses: Sequence[Diagnosis] = ()
+) -> None:
+    """Keep results in the store, if one is named; those of one sensor of several under the sensor's name."""
     if store is None:
         return
     from gimbalcal.history import StoredResult, date_in, keep
 
+    results: list[tuple[str, Json]] = [("diagnosis", d.to_dict()) for d in diagnoses]
     entries = []
-    for kind, content in results:
+    for kind, content in (*results, *(("calibration", c.to_dict()) for c in calibrations)):
         origin = content.get("provenance", {})
         sensor = origin.get("options", {}).get("sensor", "")
         date = date_in(origin) or datetime.now(UTC).isoformat(timespec="seconds")
@@ -116,8 +124,7 @@ def calibrate(
 
     target = output.folder(recordings, "calibration", ("calibration.json", "report.html"))
     each = calibrate_each(recordings, method or "", terms, output.progress, more, states, grade, without)
-    results = [("calibration", calibration.to_dict()) for calibration, _ in each]
-    keep = partial(keep_results, store, unit, results)
+    keep = partial(keep_results, store, unit, [calibration for calibration, _ in each])
     if target is None:
         keep()
     else:
@@ -166,9 +173,8 @@ def diagnose(
     diagnoses = [
         run(each, calibration=start, baseline=baseline, seed=seed, progress=progress, grade=grade) for each in groups
     ]
-    results = [("diagnosis", diagnosis.to_dict()) for diagnosis in diagnoses]
-    results += [("calibration", d.calibration.to_dict()) for d in diagnoses if d.calibration is not None]
-    keep = partial(keep_results, store, unit, results)
+    calibrations = [d.calibration for d in diagnoses if d.calibration is not None]
+    keep = partial(keep_results, store, unit, calibrations, diagnoses)
     if target is None:
         keep()
     else:
