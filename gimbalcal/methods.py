@@ -135,8 +135,9 @@ def _calibrate_unit(method: str, request: Request, known: Fleet | None) -> Calib
     sessions = [f"{session.title}: {session.in_words}" for session in options.sessions or ()]
     for words in (*sessions, *filter(None, [options.in_words]), *(f"note: {w}" for w in _left_out(options))):
         request.progress(words)
-    calibration = with_reversed_angle(with_gravity(calibration, recordings), recordings, again)
-    if all(r.kind.inertial for r in recordings):
+    fitted = with_gravity(calibration, recordings)
+    calibration = with_reversed_angle(fitted, recordings, again)
+    if calibration is fitted and all(r.kind.inertial for r in recordings):  # else its constants are those of no unit
         calibration = with_question(calibration, recordings, grade_of_unit(recordings, request.grade), again)
     if known is not None:
         calibration = with_fleet(calibration, known, recordings)

@@ -33,7 +33,6 @@ MIN_SIGMAS = 3.0  # by which a constant has to be beyond
 MAX_TRIALS, MAX_SHOWN = 6, 2
 MAX_RELATIVE_DIFFERENCE = 0.2  # relative, of a scale factor and a ratio of units
 MIN_LATITUDE_ERROR_RAD = 1e-3
-EXPLAINED_IF = "the data are explained if"  # a correction is made, whose constants these are not
 SCALED_QUANTITIES = {"scale_factor": "specific_force", "gyro_scale_factor": "angular_rate"}
 Again = Callable[[Sequence[Recording]], Calibration]
 Limit = Callable[[Parameter], float]
@@ -46,8 +45,7 @@ def with_question(
     """Return the calibration, whose outcome asks where a constant is none of a unit of this grade; `again` calibrates.
 
     known: effects that a diagnosis reports with size and evidence, which are no question; reported: what else it says
-    against the recording. Where that names a wrong range already, nothing is said against other units; where an angle
-    is reversed, nothing is asked.
+    against the recording. Where that names a wrong range already, nothing is said against other units.
     """
     duration_s = max(float(np.ptp(r.time)) for r in recordings)
     counted = c.readout.gyroscopes is not None  # where zero is and what a count is, and so of which grade, is open
@@ -57,7 +55,7 @@ def with_question(
         return np.inf if open_size else largest_usual(unit, duration_s, p)
 
     beyond = beyond_grade(c, limit)
-    if not beyond or c.outcome.startswith(EXPLAINED_IF):
+    if not beyond:
         return c
     cause = likeliest_corrections(c, recordings, limit, again)
     if WRONG_RANGE in f"{c.outcome} {reported}":
@@ -68,7 +66,7 @@ def with_question(
 
 
 def with_reversed_angle(c: Calibration, recordings: Sequence[Recording], again: Again) -> Calibration:
-    """Return the calibration; where a static run does not fit, its outcome names an angle that would fit reversed.
+    """Return the same calibration, or, of a static run that does not fit, one that names an angle it fits reversed.
 
     No check before the fit sees the sign of a navigator's attitude error, or of a gimbal that hardly moves.
     """
@@ -91,7 +89,7 @@ def with_reversed_angle(c: Calibration, recordings: Sequence[Recording], again: 
     if not tried or not np.isfinite(tried[0].misfit):
         return c
     reversed_axis = tried[0].candidate
-    words = f"{EXPLAINED_IF} {reversed_axis.words}: write sign = -1 for {reversed_axis.remedy} in [columns]"
+    words = f"the data are explained if {reversed_axis.words}: write sign = -1 for {reversed_axis.remedy} in [columns]"
     return replace(c, outcome=f"{words}; {c.outcome}")
 
 
