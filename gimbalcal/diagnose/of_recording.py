@@ -414,7 +414,7 @@ def _diagnose_forces(request: DiagnosisRequest, baseline: Sequence[str]) -> tupl
     whole = diagnose_views(request, known_view(request, baseline))
     if whole.verdict != "unexplained" or not (faults := position_faults(request.recording)):
         return whole, request
-    in_words = f"{capitalised(*outliers_in_words(faults))}."
+    in_words = " ".join(f"{capitalised(words)}." for words in outliers_in_words(faults))
     request.progress(in_words)
     used = without_dwells(request.recording, [visit for fault in faults for visit in fault.visits])
     request = request.of(used)

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from gimbalcal.diagnose.answer import Diagnosis
     from gimbalcal.diagnose.result import Estimate, Finding, FitSummary
 
-# of recordings that are of two units, or in which positions are mis-set
+# beginnings of shapes that are faults of the recordings: of two units, or with positions that are mis-set
 NO_PHYSICS = ("constants that differ", "terms that differ", NOT_AS_READ)
 MAX_FINDINGS = 3  # that a headline names
 CONSTANTS = {"tau": "time constant", "period": "period", "order": "order", "teeth": "teeth", "lines": "lines",

@@ -214,9 +214,7 @@ def separate_verdicts(rows: Sequence[RecordingFit]) -> str:
 def position_outliers_in_words(each: Sequence[Sequence[str]]) -> str:
     """Return sentences on positions of recordings that were not held where the readouts say; empty for none."""
     sentences = [
-        f"{capitalised(words.rstrip('.'))}{f' in recording {k + 1}' * (len(each) > 1)}."
-        for k, own in enumerate(each)
-        for words in own
+        f"{capitalised(words.rstrip('.'))} in recording {k + 1}." for k, own in enumerate(each) for words in own
     ]
     return " ".join([*sentences, "`gimbalcal calibrate` leaves such positions out."]) if sentences else ""
 

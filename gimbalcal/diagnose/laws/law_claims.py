@@ -143,16 +143,17 @@ def law_of_misfit(
 ) -> LawSearchResult:
     """Return a formula for what no cause explains, in the noise that the likeliest shape leaves in each recording.
 
-    Positions that were not held as read are reported as a fault, not as a law. ranked: all hypotheses; instead: the
-    causes to be replaced, which leave a significant residual.
+    Positions that were not held as read are a fault, not a law: of several recordings they are reported, and one is
+    diagnosed again without them by the caller. ranked: all hypotheses; instead: the causes to be replaced, which leave
+    a significant residual.
     """
     if d.verdict != "unexplained":
         return LawSearchResult()
     progress(law_sentences.SEARCHING_REPLACEMENT if instead else law_sentences.SEARCHING)
     faults = [position_faults(s.fit.view.source) for s in ranked.searches]
+    if any(faults) and len(faults) == 1:
+        return LawSearchResult()
     outliers = position_outliers_in_words([[f.in_words for f in own] for own in faults])
-    if outliers and len(ranked.searches) == 1:
-        return LawSearchResult(recommend=law_sentences.REPEAT_POSITIONS, position_outliers=outliers)
     nodes = [fit_causes(s, ranked.within(d.shapes, k)[:1]).projection.node for k, s in enumerate(ranked.searches)]
     law = law_of_searches(ranked, nodes, np.random.default_rng(seed), instead)
     if outliers and not law.laws:  # no position is held wrongly twice by chance
@@ -365,8 +366,8 @@ def causes_replaced_by_a_formula(
     rig of the kind has stay in the model. A formula that leaves far more scatter than the causes replaces none, and one
     with as many coefficients none if it leaves more scatter at all: in noise with a memory a slow curve has much
     evidence and explains little of what a periodic cause does. A formula that spans a cause does not compete with it:
-    it is that cause with an additional term. Of what differs from the causes, none replaces a formula that is one of
-    them as long as that is nearly as likely: a line and its cube are hardly distinguished where most rows are at +-1 g.
+    it is that cause with an additional term. A formula that is one of the causes is as much known as the cause, and
+    another formula has to be much likelier than it: at +-1 g alone a line and its cube cannot be distinguished.
     """
     special, doubtful = tuple(cause for cause in causes if not is_usual(cause, c.start.view.kind)), set[str]()
     for own in dict.fromkeys([special, *((cause,) for cause in special)] if special else []):
@@ -376,11 +377,12 @@ def causes_replaced_by_a_formula(
         b = _compared_in(without, s, row_sigma(without))
         if b is None or not b.laws:
             continue
-        likeliest = b.laws[:MAX_COMPARED_LAWS]
-        same = [law for law in likeliest if any(_is_cause(s, law, name) for name in names)]
-        known = max([*(h.ln_weight for h in s.hypotheses), *(law.evidence for law in same)])
+        likeliest, known = b.laws[:MAX_COMPARED_LAWS], max(h.ln_weight for h in s.hypotheses)
+        if _joint_evidence(likeliest) <= known:
+            continue
+        known = max([known, *(law.evidence for law in likeliest if any(_is_cause(s, law, name) for name in names))])
         if b.laws[0].evidence < known + CLAIM:
-            if _joint_evidence(likeliest) > known and _joint_evidence(_rival_laws(s, likeliest, names)) > known:
+            if _joint_evidence(_rival_laws(s, likeliest, names)) > known:
                 doubtful |= {cause.effect for cause in own}
             continue
         fewer = _visible_columns(without, b.laws[0].columns) < sum(len(cause.parameters) for cause in own)
