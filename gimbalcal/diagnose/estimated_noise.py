@@ -52,7 +52,7 @@ from gimbalcal.diagnose.verdict.verify import row_sigma, view_fit
 from gimbalcal.diagnose.view_result import ViewDiagnosis, shapes_with_laws
 from gimbalcal.effects.effect import constants
 from gimbalcal.estimate.extra_effects import as_option
-from gimbalcal.estimate.pointing.fit import USUAL_TERMS
+from gimbalcal.estimate.pointing.fit import usual_terms
 from gimbalcal.number import Array
 from gimbalcal.progress import Progress
 from gimbalcal.units import from_si
@@ -148,8 +148,8 @@ def _view_diagnosis(
     fit, law_search, odds = view_fit(c, sigma), LawSearchResult(), np.inf
     if not c.start.exact and (shapes or not findings or refused):
         progress(law_sentences.SEARCHING)
-        held = USUAL_TERMS if v.kind.sighting else ()  # in the model of the method anyway
-        known = [as_option(f.effect, f.axis) for f in findings if f.effect not in held]
+        of_method = usual_terms(v.stimulus.axis_names) if v.kind.sighting else ()  # which --with does not take
+        known = [as_option(f.effect, f.axis) for f in findings if f.effect not in of_method]
         law_search, with_law = laws_of_view(c.missing, sigma, known)
         c_law = replace(c, with_shapes=with_law)
         fit_law = view_fit(c_law, row_sigma(with_law)) if law_search.laws else fit

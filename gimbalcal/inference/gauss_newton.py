@@ -4,8 +4,8 @@ r"""Damped Gauss-Newton on linearised rows: the estimate with its joint covarian
 
 with :math:`\hat x_k` the least-squares solution of the rows linearised at x_k. Every linear model of this package takes
 h = 1; with a nonlinear constant among the parameters (a time constant, a period) h is halved until chi^2 falls, and the
-constant stays within the range that the rows can resolve. Where short steps gain next to nothing, one after the other,
-no model of these parameters describes the rows, and the iteration ends without having converged.
+constant stays within the range that the rows can resolve. Where chi^2 hardly falls in several short steps in a row, the
+iteration ends without having converged: the model does not describe such rows, as those of an angle of the wrong sign.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ MAX_QUADRATIC_STEPS = 10  # after which a step that lowers chi^2 by no more than
 MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
 AT_END = 1e-9  # share of the range of a constant: nearer to an end it is there
 ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
-MIN_PROGRESS, MAX_STALLED_STEPS = 1e-3, 3  # share of chi^2 that a shortened step gains, and so many that gain less
+SHORT_STEP = 2.0**-5  # share of a step: a shorter one follows rows that bend far more than their derivatives say
+MIN_FALL = 1e-3  # of chi^2 by a short step
+MAX_STALLED_STEPS = 3  # short steps in a row by which chi^2 falls less
 
 Linearise = Callable[[Array], Information]
 """Information about all parameters from rows that are linearised at x (p,)."""
@@ -67,7 +69,7 @@ def gauss_newton(
         if damped or bounds is not None:
             before = chi2(info, x)
             x, info, h = _damped_step(linearise, info, x, solution.x, bounds, seen)
-            stalled = stalled + 1 if h < MIN_DAMPING**0.5 and chi2(info, x) > (1 - MIN_PROGRESS) * before else 0
+            stalled = stalled + 1 if h < SHORT_STEP and chi2(info, x) > (1 - MIN_FALL) * before else 0
         else:
             x, info = solution.x, linearise(solution.x)
     return Minimum(solution, x, info, 0)
@@ -147,7 +149,7 @@ def _is_rounding(info: Information, x: Array, target: Array) -> bool:
 def _damped_step(
     linearise: Linearise, info: Information, x: Array, target: Array, bounds: Array | None, seen: float
 ) -> tuple[Array, Information, float]:
-    """A step towards the target, halved until chi^2 does not rise, the rows where it ends, and its share.
+    """Return where a step towards the target ends that is halved until chi^2 does not rise, the rows there, and h.
 
     Of a model with constants these alone take the step, and everything that is linear follows them (variable
     projection): a curved valley costs no steps.

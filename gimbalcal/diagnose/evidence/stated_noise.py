@@ -51,9 +51,7 @@ def scale_to_scatter(o: Fit) -> Fit:
     fast = _rows_within_blocks(o)
     if len(fast) < MIN_ROWS_INSIDE:
         return o
-    scale, plain = np.median(np.abs(fast), axis=0) / 0.6745, fast.std(axis=0)
-    # a channel that always reads the same, as where its converter is coarser than its noise
-    scale, plain = (np.where(a > LEAST_SCATTER, a, 1.0) for a in (scale, plain))
+    scale, plain = _or_stated(np.median(np.abs(fast), axis=0) / 0.6745), _or_stated(fast.std(axis=0))
     kurtosis, weight = float(np.mean(_excess_kurtosis(fast / scale))), None
     if kurtosis > HEAVY_KURTOSIS:
         blocks = o.view.noise.in_blocks
@@ -61,13 +59,20 @@ def scale_to_scatter(o: Fit) -> Fit:
         robust = huber_weights(o.residual, level, scale)
         # what no level follows is physics: it makes no row noisier than the rows next to it show
         weight = robust.weight
-        scale = np.minimum(robust.of_means if blocks else robust.of_rows, plain)
-        scale = np.where(scale > LEAST_SCATTER, scale, 1.0)
+        scale = _or_stated(np.minimum(robust.of_means if blocks else robust.of_rows, plain))
     else:
         scale = plain
     noise = replace(o.view.noise, sigma=o.sigma * scale, kurtosis=kurtosis, weights=weight, scatter=scale)
     view, J = replace(o.view, noise=noise), o.jacobian / scale[:, None]
     return replace(o, view=view, residual=o.residual / scale, jacobian=J, kept=o.rows.over(scale))
+
+
+def _or_stated(scatter: Array) -> Array:
+    """Return the scatter (C,) of each channel in stated sigmas, one where all rows read the same.
+
+    They do where a converter is coarser than the noise of its sensor.
+    """
+    return np.where(scatter > LEAST_SCATTER, scatter, 1.0)
 
 
 def nats_beyond_stated_scatter(o: Fit) -> float:

@@ -32,7 +32,7 @@ from gimbalcal.number import Array, absolute, arctan2, cos, exp, log, sign, sin
 
 
 def angle(s: Stimulus, name: str) -> Array:
-    """Angle (n,) [rad] of a gimbal; on a platform without it a right one, of which every form is finite."""
+    """Angle (n,) [rad] of a gimbal; pi/2 on a platform without it, where a negative power of its sine is finite."""
     return s.angle[:, s.axis_names.index(name)] if name in s.axis_names else 0 * s.time + np.pi / 2
 
 
