@@ -74,14 +74,14 @@ def axis_angles(table: Table, longitude: float | None) -> tuple[Table, dict[str,
 
 
 def refuse_single_places(path: Path, table: Table) -> None:
-    """Raise InputError where right ascension and declination stand in a table once each: where one of two was."""
+    """Raise InputError where a table holds one column of right ascensions and one of declinations."""
     words = {name: set(_words(name)) - OFFSET for name in table.columns}
     own = [[n for n, w in words.items() if w & coordinate] for coordinate in (ASCENSION, DECLINATION)]
     if all(len(each) == 1 for each in own):
         raise InputError(
-            f"{path}: right ascension and declination ({own[0][0].strip()}, {own[1][0].strip()}) stand there once, and "
-            "a run takes them twice, where the star was and where the mount took it to be: add the other as ra_true, "
-            "dec_true or ra_mount, dec_mount"
+            f"{path}: right ascension and declination are in one column each ({own[0][0].strip()}, "
+            f"{own[1][0].strip()}); a pointing run needs the place of the star and the place that the mount gives: add "
+            "the other as ra_true, dec_true or ra_mount, dec_mount"
         )
 
 

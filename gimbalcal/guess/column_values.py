@@ -92,9 +92,9 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
 
 
 def _quaternion(columns: Mapping[str, Array]) -> list[str]:
-    """Return four columns in a row of one length at every row, which no three of them have; none where none are.
+    """Return four consecutive columns whose norm is the same at every row, as that of a quaternion; empty for none.
 
-    Gravity with a small rate has one length nearly, and gravity alone has it, too.
+    The norm of any three of them must change: that of gravity at rest does not, with or without a small rate.
     """
     names = list(columns)
     for four in (names[k : k + 4] for k in range(len(names) - 3)):

@@ -111,16 +111,16 @@ def angles_in(table: Table) -> tuple[AngleColumn, ...]:
 
 
 def refuse_single_angles(path: Path, table: Table) -> None:
-    """Raise InputError where both angles of a mount stand in a table once each, and no offset of them by its name."""
+    """Raise InputError where a table holds one column for each angle of a mount, and none that is called an offset."""
     columns = [angle for name in table.columns if (angle := _angle_column(name)) is not None]
     for first, second in _PAIRS:
         own = [[s for s in columns if s.axis == axis] for axis in (first, second)]
         if all(len(each) == 1 for each in own):
             a, b = ("az", "el") if first == "azimuth" else ("ha", "dec")
             raise InputError(
-                f"{path}: {first.replace('_', ' ')} and {second} ({own[0][0].name.strip()}, {own[1][0].name.strip()}) "
-                f"stand there once, and a run takes them twice, where the star was and what was read, or with what the "
-                f"mount was off by: add {a}_encoder, {b}_encoder, or call the offsets d{a}, d{b}"
+                f"{path}: {first.replace('_', ' ')} and {second} are in one column each ({own[0][0].name.strip()}, "
+                f"{own[1][0].name.strip()}); a pointing run needs the place of the star and the readout of each axis, "
+                f"or one of them and the offset of the mount: add {a}_encoder, {b}_encoder, or d{a}, d{b}"
             )
 
 
@@ -343,8 +343,8 @@ def pointing_proposal(
     starts = _starts_of_stars(recording, axes)
     if MIN_STARS <= len(starts) <= len(recording.time) / MIN_ROWS_OF_STAR:
         notes["samples"] = (
-            f"{len(recording.time)} rows follow {len(starts)} stars, between which the mount slews: means over each, "
-            "for what the rows of one have in common is one reading"
+            f"{len(recording.time)} rows follow {len(starts)} stars, between which the mount slews: each star is kept "
+            "as the mean of its rows, as their errors are alike"
         )
         recording = stretch_means(recording, starts)
         recording = replace(recording, weight=np.ones(len(starts)))
@@ -355,7 +355,10 @@ def pointing_proposal(
 
 
 def _starts_of_stars(recording: Recording, axes: tuple[str, str]) -> list[int]:
-    """Return the rows to which a mount slews, far more than the star moves from row to row, and the first one."""
+    """Return the rows (s,) at which stars begin: the first, and those to which the mount slews.
+
+    A slew is far longer than the usual step from row to row, in which the mount follows a star.
+    """
     around, up = (recording.channels["gimbal_angle", axis] for axis in axes)
     steps = np.hypot(within_half_turn(np.diff(around)) * np.cos(up[1:]), within_half_turn(np.diff(up)))
     return [0, *(np.flatnonzero(steps > MIN_SLEW_STEPS * np.median(steps)) + 1).tolist()] if len(steps) else [0]
@@ -391,8 +394,9 @@ def _channels(
         true[axis], read[axis] = (_angle(table, s, axis, notes) for s in (a, b))
         if "order" in notes and not _go_together(true[axis], read[axis]):
             raise InputError(
-                f"{path}: {a.name} and {b.name} do not go together, as where a star was and the readout of the axis "
-                "do; leave out the one that is neither, or name them, as in az_true and az_encoder"
+                f"{path}: {a.name} and {b.name} do not go together: the place of a star and the readout of its axis "
+                "differ by far less than they change; leave out the one that is neither, or call them az_true and "
+                "az_encoder"
             )
         why["true_angle", axis], why["gimbal_angle", axis] = (a.name, reason), (b.name, reason)
         if offset and not _offsets_agree(read[axis] - true[axis], _offset(table, offset, axis, {})):
@@ -423,7 +427,7 @@ def _channels(
 
 
 def _go_together(true: Array, read: Array) -> bool:
-    """Return whether two angles [rad] (n,) of one axis differ by less than they change, in either sense."""
+    """Return whether two angles (n,) [rad] of one axis, of either sense, differ by far less than they change."""
     scatters = []
     for x in (true, read - true, read + true):
         middle = np.angle(np.nanmean(np.exp(1j * x)))

@@ -77,7 +77,7 @@ def arrays_tables(path: Path) -> dict[Path, Table]:
 def is_text(path: Path) -> bool:
     """Return whether a file is text, of UTF-16 or of an encoding without zero bytes.
 
-    A logger that was switched on or cut off leaves runs of zero bytes; what remains is text of no control characters.
+    A logger that is switched on, or loses its power, leaves runs of zero bytes; what remains has no control characters.
     """
     with path.open("rb") as file:
         start = file.read(START)
