@@ -10,6 +10,7 @@ one core. With --check nothing is written, and the exit status is 1 if the page 
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -324,19 +325,18 @@ seconds at a time for the table. The panels show the misfit before (grey) and af
 """
 
 
+VERDICTS = ("right", "half right", "honest refusal", "refused", "false green", "wrong", "crash")
+
 UNSEEN = """
 ## Recordings of other repositories
 
 COUNT recordings, seven of them simulated, taken from public repositories after the program was written. Each was
 examined independently in plain numpy and then run through `new`, `calibrate`, `diagnose` or `noise` as a user would.
-The first run is that of the program as it was, the last run that after what it showed had been corrected. Seven
-groups of twelve were chosen before any of them was run: in their first runs eight, eight, four, seven, eight, eleven
-and nine are right or honestly refused for the true reason, and none is falsely green or a crash (one recording of the
-last group was first run after a correction). Of an eighth, of fourteen, seven are, two are wrong, and one is a crash;
-of a ninth, of fourteen, six are, and one is wrong; of a tenth, of twenty-five, fifteen are, and one is wrong; of an
-eleventh, of twenty-five, fifteen are, and six are wrong; of five more, first run after these were corrected, four
-are; of a twelfth, of twenty-nine, eighteen are, and four are wrong. The verdicts compare a run with the independent
-fit, by hand:
+The first run is that of the program as it was, the last run that after what it showed had been corrected.
+
+FIRST_RUNS
+
+The verdicts compare a run with the independent fit, by hand:
 
 * *right*: as the independent fit;
 * *half right*: usable after a correction by the user, or with one wrong statement;
@@ -353,10 +353,24 @@ The recordings are not part of the project.
 """
 
 
+def first_runs(rows: Sequence[str]) -> str:
+    """Return a table of how many first runs are of each verdict, from the rows of the recordings."""
+    verdicts = [row.split(" | ")[2] for row in rows]
+    counts = Counter(next(v for v in VERDICTS if words.startswith(v)) for words in verdicts)
+    silently = sum(words.startswith("wrong, silently") for words in verdicts)
+    false_reason = sum("false reason" in words for words in verdicts)
+    lines = [f"| {v} | {counts[v]} |" for v in VERDICTS]
+    return "\n".join([
+        "| first run | recordings |", "|---|---|", *lines, "",
+        f"{silently} of the wrong runs are so silently; {false_reason} recordings are refused for a false reason.",
+    ])  # fmt: skip
+
+
 def unseen() -> str:
-    """Return the section on recordings of other repositories, with their number."""
+    """Return the section on recordings of other repositories, with their number and the verdicts on first runs."""
     section = filled(UNSEEN)
-    return section.replace("COUNT", str(section.count("\n| ") - 1))  # of rows below the names of the columns
+    rows = [line for line in section.splitlines() if line.startswith("| ")][1:]  # below the names of the columns
+    return section.replace("COUNT", str(len(rows))).replace("FIRST_RUNS", first_runs(rows))
 
 
 def main(folder: str, check: bool) -> int:
