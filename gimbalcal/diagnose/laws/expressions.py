@@ -35,7 +35,7 @@ ORDERS = 8  # harmonics of an angle at the most
 PLACES, WIDTHS = 9, (0.04, 0.12, 0.35)  # of steps and bumps, in shares of the range of a variable
 SAME_VARIABLE_SHARE = 0.9999  # share of the variance of a variable that another says, from which they are one
 NEAR_ZERO = 0.03  # of the range of a force or a rate, beyond which the distance of knots grows with that to zero
-KNOTS, KNOTS_OF_PRODUCT = (4, 6, 9, 13, 19), 6  # of a table, and of one in a product at the most
+KNOTS, KNOTS_OF_PRODUCT = (4, 6, 9, 13, 19, 28), 6  # of a table, and of one in a product at the most
 CYCLIC = 3  # harmonics of a cycle of any shape
 MIN_SINE = 0.05  # sine of an angle, below which its cosecant is none of a mount
 COEFFICIENTS = 8  # of a law that is no table, at the most
@@ -341,6 +341,11 @@ class Expression:
     def tried(self) -> int:
         """Among how many choices of its constants it was chosen."""
         return math.prod(t.tried for t in self.terms)
+
+    @property
+    def degree(self) -> int:
+        """The highest powers of its terms, added up."""
+        return sum(max(t.form.powers, default=0) for t in self.terms)
 
     @property
     def variables(self) -> tuple[Variable, ...]:

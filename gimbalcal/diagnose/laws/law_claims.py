@@ -61,6 +61,7 @@ LAW_EVIDENCE = (
     2 * CLAIM
 )  # nats of the likeliest formula, less the cost of its refined constants, from which one is stated
 NEARLY_BEST_NATS = 1.5  # nats within which the law of the fewest numbers is taken, of as many the likeliest
+EQUAL_NATS = 0.1  # nats within which two laws are equally likely, and the one of lower degree is taken
 MIN_EXPLAINED = 0.8  # of the excess misfit that a law, or a cause of probability above one half, has to explain
 MIN_EXPLAINED_ALONE = 0.5  # of the same, that a law has to explain where nothing known does
 MAX_COMPARED_LAWS = 12  # formulas that together are compared with causes
@@ -104,14 +105,32 @@ def chosen_law(g: LawProblem, laws: Sequence[Law], shape: float) -> tuple[Law | 
     closed = [law for law in equivalent if not any(t.form.key == "table" for t in law.expression.terms)]
     first = [law for law in closed if not law.wants_another_form] or closed or equivalent
     first = [law for law in first if law.posterior > first[0].posterior - NEARLY_BEST_NATS]
-    shortest = min(first, key=lambda law: (free_numbers(law), len(law.expression.terms), -law.posterior))
-    best, rivals, others = centred_jumps(g, shortest), [law for law in equivalent if law is not shortest], list[Law]()
+    simplest = _simplest(first)
+    best, rivals, others = centred_jumps(g, simplest), [law for law in equivalent if law is not simplest], list[Law]()
     responses = {law: response_of(g, law) for law in (best, *rivals)}
     for law in rivals:
         alike = (o for o in (best, *others) if responses[o] @ responses[law] > SAME_CORRELATION)
         if not any(_is_only_longer(law, known) or _forms(law) == _forms(known) for known in alike):
             others.append(law)
     return best, [*others, *aliases(g, best)]
+
+
+def _simplest(laws: Sequence[Law]) -> Law:
+    """Return the law of the fewest numbers and terms, of these the likeliest, of equally likely ones the lowest degree.
+
+    Where a design takes the forces -1, 0 and 1 g alone, a force and its cube are one; rounding must not decide.
+    """
+    size = {law: (free_numbers(law), len(law.expression.terms)) for law in laws}
+    shortest = [law for law in laws if size[law] == min(size.values())]
+    likeliest = max(law.posterior for law in shortest)
+    equal = [law for law in shortest if law.posterior > likeliest - EQUAL_NATS]
+    return min(equal, key=lambda law: (law.expression.degree, _order_of_listing(law)))
+
+
+def _order_of_listing(law: Law) -> list[int]:
+    """Return the ordinals of its variables among those that it may follow."""
+    names = [v.name for v in law.places[0].variables]
+    return [names.index(v.name) for v in law.expression.variables]
 
 
 def _is_only_longer(law: Law, known: Law) -> bool:
@@ -211,7 +230,8 @@ def law_of_searches(
     b = _laws_and_noises(ranked, nodes, alone=bool(instead))
     g, every = b.problem, b.laws
     best_else = _best_else(ranked)
-    best, others = chosen_law(g, every, best_else + (SEPARATION_EVIDENCE + NAME_ODDS) * bool(instead) - b.ln_known)
+    needed = SEPARATION_EVIDENCE + NAME_ODDS if instead else -_cost_of_choice(every)
+    best, others = chosen_law(g, every, best_else + needed - b.ln_known)
     if best is None and instead:
         likeliest = every[:MAX_COMPARED_LAWS]
         likelier = _joint_evidence(likeliest) > best_else  # else no selection of them is
@@ -290,6 +310,11 @@ def _best_else(ranked: Ranking) -> float:
     """
     every = ranked.library.candidates
     return max(h.ln_weight for h in ranked.hypotheses if len({bool(every[i].rival) for i in h.members}) == 1)
+
+
+def _cost_of_choice(laws: Sequence[Law]) -> float:
+    """Return what the choice of the likeliest law among formulas costs; a shape of the same rows was not so chosen."""
+    return laws[0].cost if laws else 0.0
 
 
 def _joint_evidence(laws: Sequence[Law]) -> float:
@@ -509,8 +534,7 @@ def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str]) -> tuple
         if b is None:
             return LawSearchResult((), "" if hidden else law_sentences.REPEAT_TURNS), m
         g, every = b.problem, b.laws
-        cost_of_choice = every[0].cost if every else 0.0  # a shape of the same rows was not chosen among formulas
-        best, others = chosen_law(g, every, _best_else(remaining) - b.ln_known - cost_of_choice)
+        best, others = chosen_law(g, every, _best_else(remaining) - b.ln_known - _cost_of_choice(every))
         if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):
             return LawSearchResult(), m
         if not laws and best is not None and (as_likely := _known_causes_as_likely(remaining, best, b.total)):
