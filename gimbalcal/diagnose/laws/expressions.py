@@ -184,7 +184,7 @@ SINGLE_FORMS = {
     "move": ("x", "|x|", "power", "step"),
 }  # fmt: skip # of a variable of each group by itself
 PRODUCT_FORMS = {
-    "force": ("x", "x^2", "x^3", "|x|", "wave", "above"),
+    "force": ("x", "x^2", "x^3", "|x|", "above"),
     "angle": ("harmonic", "above"),
     "rate": ("x", "x^2", "x^3", "|x|", "above"),
     "time": ("x", "to x^2", "wave", "fade", "log", "above"),

@@ -53,6 +53,8 @@ REFINED_COUNTS = (20, 16, 4)  # of these, the best of one, two and three terms a
 EXTENDED_COUNTS = (6, 6, 0)  # of these, richer forms are tried in the place of theirs
 SHARE_OF_TRIADS = 3  # by which these numbers are divided for laws of all axes
 LATTICE_SIZES = 0.75 ** np.arange(12)  # of the first step of a constant, from one refinement of a jump to the next
+LATTICE_POINTS = 4  # from which a refinement of jumps goes on: from one alone it ends off the best once in nine times
+SAME_GAIN = 1e-6  # nats: constants between which no row jumps explain the same but for rounding
 DIFFERENCE = 1e-4  # of the first step of a constant: for derivatives
 SETTLED, GAIN, MOST_STEPS = 1e-3, 1e-6, 30  # of the first step, and of the misfit, at which a refinement has arrived
 CHUNK = 100  # families at a time
@@ -647,18 +649,20 @@ def _with_moved_thresholds(response: BlockResponse, e: Expression) -> Expression
 
 
 def _by_lattice(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:
-    """Return the best constants of what jumps, which has no derivatives, on a lattice about the best that shrinks.
+    """Return the best constants of what jumps, which has no derivatives, on lattices about the best that shrink.
 
-    Its steps are of one constant or of two, as the phase of a pulse follows its frequency.
+    Their steps are of one constant or of two, as the phase of a pulse follows its frequency.
     """
     steps = np.array([m.step for m in moves])
     signs = np.array([d for d in itertools.product((0, 1, -1), repeat=len(moves)) if np.count_nonzero(d) <= 2])
-    best = np.zeros(len(moves))
+    best = np.zeros((1, len(moves)))
     for size in LATTICE_SIZES:
-        tried = best + size * steps * signs
+        tried = (best[:, None] + size * steps * signs).reshape(-1, len(moves))
         columns = np.stack([response.means_of(_moved_expression(e, moves, u)) for u in tried], axis=-1)
-        best = tried[int(np.argmax(likelihood_gains(response, columns).sum(axis=0)))]
-    return best
+        gains = likelihood_gains(response, columns).sum(axis=0)
+        _, first = np.unique(np.round(-gains / SAME_GAIN), return_index=True)
+        best = tried[first[:LATTICE_POINTS]]
+    return best[0]
 
 
 def _by_derivatives(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:

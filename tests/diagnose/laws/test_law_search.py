@@ -277,9 +277,12 @@ def test_a_shock_begins_in_the_middle_of_where_the_data_allow_it():
     assert moved.expression.terms[0].constants[0] == pytest.approx((below + beyond) / 2, abs=0.2 * (beyond - below))
 
 
-@pytest.mark.parametrize("cycles", [3.0, 3.25, 3.75, 4.25, 4.5, 5.25, 6.5])
+@pytest.mark.parametrize("cycles", [3.0, 3.25, 3.75, 4.25, 4.5, 5.25, 6.5, 7.03])
 def test_a_square_wave_between_the_frequencies_of_the_grid_is_found_to_the_noise(cycles):
-    """Half cycles are on the grid. A pulse that begins there ends at up to 3.9 times the noise; by a simplex at 1.4."""
+    """Half cycles are on the grid. A pulse that begins there ends at up to 3.9 times the noise; by a simplex at 1.4.
+
+    A lattice about one point alone ends at up to 1.9, at 3 cycles on some processors only: equal points are many.
+    """
     v = Variable("time", "s", np.linspace(0.0, 3600.0, 120), "", "time", 1800.0, 0.0)
     g, noise = ground_of(v, 4.0 * np.sign(np.cos(2 * np.pi * cycles * v.x / 3600.0 + 0.3)))
     best = laws_of([g], products=False)[0][0]
