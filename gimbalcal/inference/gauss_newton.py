@@ -62,7 +62,9 @@ def gauss_newton(
     stalled = 0
     for step in range(1, MAX_STEPS + 1):
         solution = solve_about(info, x, bounds, seen)
-        if arrived(step, x, solution) or (step > MAX_QUADRATIC_STEPS and _is_rounding(info, x, solution.x)):
+        # a short step that gains nothing is as late as one beyond those that converge quadratically
+        late = step + MAX_QUADRATIC_STEPS * (stalled > 0)
+        if arrived(late, x, solution) or (late > MAX_QUADRATIC_STEPS and _is_rounding(info, x, solution.x)):
             return Minimum(solution, x, info, step)
         if step == MAX_STEPS or stalled == MAX_STALLED_STEPS or diverged(solution.x):
             break
