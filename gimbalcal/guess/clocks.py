@@ -229,9 +229,14 @@ def regular_column(log: Log) -> str:
     for name, x in log.unknown.items():
         if len(x) < MIN_ROWS or not np.all(np.isfinite(x)) or is_counter(name) or states_other_unit(name):
             continue
-        if np.all(np.diff(x) > 0) and (clock_jitter(x) < 0.5 or unit_of_epoch(x)) and may_be_clock(x):
+        if states_days(x) or (np.all(np.diff(x) > 0) and clock_jitter(x) < 0.5 and may_be_clock(x)):
             return name
     return ""
+
+
+def states_days(x: Array) -> bool:
+    """Return whether a column (n,) states days of this century and goes back in few rows, which a check names."""
+    return unit_of_epoch(x) != "" and bool(np.mean(np.diff(x) >= 0) > MIN_GROWING)
 
 
 def may_be_clock(x: Array) -> bool:

@@ -15,7 +15,7 @@ from gimbalcal.checks.forces import MAX_RANGE_ERROR, other_range
 from gimbalcal.earth import G0
 from gimbalcal.errors import InputError
 from gimbalcal.guess.attitude import LENGTHS, MAX_NORM_ERROR
-from gimbalcal.guess.clocks import may_be_clock
+from gimbalcal.guess.clocks import may_be_clock, states_days
 from gimbalcal.guess.column_names import NOT_A_TRIAD, by_name, differ_in_axis, is_counter, plain_name, unit_written
 from gimbalcal.guess.log import Guess
 from gimbalcal.number import Array
@@ -64,7 +64,11 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     columns = {name: x for name, x in columns.items() if np.mean(np.isfinite(x)) > MIN_FILLED}
     filled = np.isfinite(np.stack([*columns.values()])).all(axis=0) if columns else np.zeros(0, dtype=bool)
     columns = {name: x[filled] for name, x in columns.items()} if filled.any() else {}
-    growing = [name for name, x in columns.items() if len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]]
+    growing = [
+        name
+        for name, x in columns.items()
+        if (len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]) or states_days(x)
+    ]
     attitude = _quaternion(columns)
     names = [n for n, x in columns.items() if n not in (*growing, *attitude) and not _stands_still(x)]
     if clock := next((n for n in growing if may_be_clock(columns[n]) and _has_stamps(columns[n])), ""):
@@ -81,13 +85,16 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     forces = [t for t in windows if _may_be_force(values(t))]
     forces = [t for t in forces if t in triples or changes_direction(values(t)) or not _unlike_gravity(values(t))[0]]
     forces.sort(key=lambda t: _rank_as_force(values(t), t in triples))
+    why = "three columns whose length hardly changes"
+    if hint == FORCE and len(triples) == 1 and not forces and not _unlike_gravity(values(triples[0]))[0]:
+        forces, why = triples, "three columns in a log that is called after the accelerometer"
     if forces:
         at = names.index(forces[0][0])
         triples = [names[k : k + 3] for k in (*range(at + 3, len(names) - 2, 3), *range(at - 3, -1, -3))]
     rates = [t for t in triples if t not in forces[:1] and not _points_everywhere(values(t))] if forces else []
     rates = [t for t in rates if not _same_vector(values(t), values(forces[0]))]
     rates.sort(key=lambda t: (not all(map(_returns_to_a_level, values(t))), _decades_from_zero(values(t))))
-    out |= _triads(forces[:1], FORCE, lambda _: "", "three columns whose length hardly changes")
+    out |= _triads(forces[:1], FORCE, lambda _: "", why)
     return out | _triads(rates[:1], RATE, lambda _: "", "three columns with the forces")
 
 

@@ -30,6 +30,7 @@ _STAMP = r"\[?((?:\d{4}-\d\d-\d\d[T ])?\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\]?"
 _ARRIVED = re.compile(rf"^\s*{_STAMP}\s*->\s*")
 _STAMPED = re.compile(rf"^\s*{_STAMP}")
 _ELAPSED = re.compile(r"^\s*\[\s*(\d+(?:\.\d+)?)\s*(?:ns|us|ms|s)?\s*\]\s*")  # [1530815 ms] before a line
+_COUNTED = re.compile(r"^\s*([-+]?\d+(?:\.\d+)?)[\s,;]+(?=[A-Za-z])")  # a clock without a name before others with one
 _CHECKSUM = re.compile(r"\*[0-9A-Fa-f]{2,8}\s*$")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _VALUE = rf"{_NUMBER}|[-+]?(?i:nan|inf)"
@@ -134,7 +135,7 @@ def _pairs(line: str) -> list[tuple[str, str]]:
     else:
         for vector in _VECTOR:
             line = vector.sub(r"\1_x=\2 \1_y=\3 \1_z=\4", line)
-        text = _STAMPED.sub("", line)
+        text = _COUNTED.sub("", _STAMPED.sub("", line))
         if not _LABELLED.sub("", text).strip(" ,;|\t"):
             pairs, fewest = _LABELLED.findall(text), 2
         else:
@@ -191,6 +192,8 @@ def _of_pairs(lines: Sequence[str]) -> tuple[dict[str, _Message], int]:
         names, cells = [name for name, _ in pairs], [number for _, number in pairs]
         if stamp:
             names, cells = ["time of arrival", *names], [stamp[1], *cells]
+        elif number := _COUNTED.match(line):
+            names, cells = ["", *names], [number[1], *cells]
         messages.setdefault(tuple(names), _Message(tuple(names), [])).rows.append(cells)
     kinds = [m for m in messages.values() if len(m.rows) >= MIN_ROWS] or list(messages.values())
     others += sum(len(m.rows) for m in messages.values()) - sum(len(m.rows) for m in kinds)

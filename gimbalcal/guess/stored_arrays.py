@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from gimbalcal.errors import InputError
+from gimbalcal.guess.clocks import MIN_GROWING
 from gimbalcal.guess.column_names import plain_name, quantity_of_log
 from gimbalcal.guess.message_log import leaves_of_object, object_in
 from gimbalcal.guess.text_table import MIN_COLUMNS, Table, table_of_columns, values_of
@@ -36,6 +37,7 @@ START = 4096  # bytes that show what a file is
 _CONTROL = re.compile(rb"[^\t\n\f\r -~\x80-\xff]")  # bytes that no text holds
 MIN_ROWS = 3
 MAX_SKEW = 1e-3  # of a rotation matrix as it is written, from an orthogonal one
+MAX_DOUBLE = 1e15  # in a record of doubles; beyond, the bytes are of other types
 MAX_RECORD = 32  # numbers of a binary record
 RATE_NAMES = frozenset(("sampling_rate", "sample_rate", "samplingrate", "fs", "freq", "frequency", "rate"))
 INSTEAD = {
@@ -271,17 +273,22 @@ def _columns(path: Path, variables: Mapping[str, Any]) -> tuple[dict[str, Any], 
 
 
 def _records(path: Path) -> dict[str, Array] | None:
-    """Return the columns of a file of records of doubles, little-endian, one of which grows evenly; else None."""
+    """Return the columns of a file of records of doubles, little-endian, one of which grows evenly; else None.
+
+    A field that is never filled is left out.
+    """
     size = path.stat().st_size
     values = np.fromfile(path, "<f8") if size % 8 == 0 else np.zeros(0)
-    if not len(values) or not np.all(np.isfinite(values)) or np.any(np.abs(values) > 1e15):
-        return None
+    sound = np.abs(values) < MAX_DOUBLE  # neither of NaN nor of infinity
     for width in range(MIN_COLUMNS, MAX_RECORD + 1):
-        rows = values.reshape(-1, width) if len(values) % width == 0 else values[:0].reshape(0, width)
-        if len(rows) < MIN_ROWS:
+        if len(values) % width or len(values) < MIN_ROWS * width:
+            continue
+        number = np.count_nonzero(sound.reshape(-1, width), axis=0)
+        rows = values.reshape(-1, width)[:, number > 0]
+        if rows.shape[1] < MIN_COLUMNS or np.any(number[number > 0] < len(rows)):
             continue
         for x in rows[:100_000].T:
             step = np.diff(x)
-            if np.all(step > 0) and np.quantile(step, 0.9) < 2 * np.median(step):
+            if np.mean(step > 0) > MIN_GROWING and np.quantile(step, 0.9) < 2 * np.median(step):
                 return {str(i): column for i, column in enumerate(rows.T, start=1)}
     return None

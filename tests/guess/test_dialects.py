@@ -225,6 +225,48 @@ def test_arrays_are_read_by_what_a_file_begins_with(tmp_path, kind):
     np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-6)
 
 
+def test_a_field_of_binary_records_may_never_be_filled_and_their_clock_go_back_once(tmp_path):
+    t, f, w = turned()
+    path = tmp_path / "log.dat"
+    table = np.column_stack([np.full(len(t), np.nan), 1537663359 + t, w, f])
+    table.astype("<f8").tofile(path)
+    r = propose_recording([path]).recording
+    np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-6)
+    np.testing.assert_allclose(r.triad("angular_rate"), w, atol=1e-6)
+    table[50, 1] -= 0.09
+    table.astype("<f8").tofile(path)
+    with refused():
+        propose_recording([path])
+    np.testing.assert_allclose(propose_recording([path], rate=50).recording.triad("specific_force"), f, atol=1e-6)
+    rng = np.random.default_rng(5)
+    path.write_bytes(rng.integers(0, 4, 8 * 1200, dtype=np.uint8).tobytes())  # of another kind
+    with refused():
+        propose_recording([path])
+
+
+def test_a_stamp_without_a_name_stands_before_numbers_with_names(tmp_path):
+    t, f, w = turned()
+    path = tmp_path / "log.txt"
+    stamps = 1508804597.25 + t
+    stamps[20] = stamps[19]
+    path.write_text("".join(
+        f"{s:.4f} AX: {a:.5f} g AY: {b:.5f} g AZ: {c:.5f} g     GX: {x:.4f} dps GY: {y:.4f} dps GZ: {z:.4f} dps\r\r\n"
+        for s, (a, b, c), (x, y, z) in zip(stamps, f / G, w * D, strict=True)
+    ))  # fmt: skip
+    r = propose_recording([path]).recording
+    np.testing.assert_allclose(r.time - r.time[0], t, atol=0.03)
+    np.testing.assert_allclose(r.triad("specific_force"), f, atol=1e-3)
+
+
+def test_a_log_that_is_called_after_the_accelerometer_holds_forces_although_the_unit_is_shaken():
+    rng = np.random.default_rng(6)
+    f = np.array([[0.0], [0.2], [1.0]]) + rng.normal(0, 0.5, (3, 900))
+    columns = {str(k + 1): x for k, x in enumerate((*f, 1478626638.0 + 0.02 * np.arange(900)))}
+    forces = [name for name, g in by_order(columns, quantity_of_log("accel")).items() if g.quantity == "specific_force"]
+    assert forces == ["1", "2", "3"]
+    assert not any(g.quantity == "specific_force" for g in by_order(columns).values())
+
+
 @pytest.mark.parametrize("name", ["log.npz", "log.npy"])
 def test_an_array_whose_header_is_damaged_is_refused(tmp_path, name):
     t, f, w = turned()
