@@ -69,7 +69,7 @@ _MINUS = re.compile(r"(\w+)\s*(?:minus|[-−–])\s*(\w+)")
 _READOUT = ANGLE_WORDS | {"pos", "position", "counter", "resolver", "servo", "axis", "achse", "encoder"}
 MIN_JUMP_DEG, MIN_AROUND_DEG, MIN_UP_DEG = 1.0, 90.0, 30.0  # of azimuths and elevations of stars without names
 MIN_CORRELATION, MAX_COLUMNS = 0.98, 6  # of a readout and a measurement of one axis; columns of such a table
-MAX_RATIO = 1.25  # of two columns taken for angles of one axis, where one goes round or no name tells them from others
+MAX_RATIO = 1.25  # of two columns taken for angles of one axis, where one goes round
 MAX_SHARE_OFF = 0.2  # of what an angle changes, by which its readout is off the place of the star
 MIN_SLEW_STEPS, MIN_STARS, MIN_ROWS_OF_STAR = 20.0, 10, 5  # of a log of stars that a mount follows: usual steps, stars
 MAX_TURNS = 100  # of an axis, beyond which a number is no angle in deg
@@ -185,9 +185,12 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     read, true = (np.asarray(to_si(angles[n], u or usual)) for n, u in zip((first, second), units, strict=True))
     ratio = float(np.polyfit(read, true, 1)[0])
     turns = max(np.ptp(read), np.ptp(true)) > np.radians(360)
-    unnamed = len(angles) > 2 and any(is_anonymous(n) for n in pairs[0])  # among other columns, two of any meaning
-    doubtful = turns or (unnamed and not counts)
-    if doubtful and not signal and not 1 / MAX_RATIO < abs(ratio) < MAX_RATIO:
+    if len(angles) > 2 and not counts and any(is_anonymous(n) for n in pairs[0]):
+        raise InputError(
+            f"{path}: columns {first} and {second} go together, but stand among others, and nothing calls them angles; "
+            "name them where they are, as cmd_deg meas_deg, or the others, time acc_x acc_y acc_z"
+        )
+    if turns and not signal and not 1 / MAX_RATIO < abs(ratio) < MAX_RATIO:
         remedy = (
             "the angle of the axis; leave out the one before a gear, or divide it by its ratio"
             if all(units)
