@@ -6,6 +6,7 @@ them in another, that one is proposed.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -60,7 +61,10 @@ from gimbalcal.recording.dwell import UP_AND_DOWN, Dwell, in_several_attitudes, 
 from gimbalcal.recording.frames import Rig
 from gimbalcal.recording.record import ANGLE, FORCE, RATE
 
-SELF_DESCRIBING = {"TPOINT's observations": import_tpoint, "a pointing run of the MMT": import_mmt}
+SELF_DESCRIBING = {  # and what a line of such a file begins with, if not every one has it
+    "TPOINT's observations": (import_tpoint, re.compile(r"\s*:\s*(ALTAZ|EQUAT)", re.IGNORECASE)),
+    "a pointing run of the MMT": (import_mmt, re.compile("RAA:")),
+}
 MAX_BYTES = 20_000_000  # of such a file: a hundred thousand stars
 MIN_MARGIN, MAX_EXCESS = 2.0, 8.0  # nats, up to which two choices of units are hardly distinguished; or one is refused
 MAX_PHYSICAL_COST = 30.0  # nats, of turns none of which fits gravity
@@ -284,18 +288,20 @@ def _of_run(run: PointingRun, assumed: Mapping[str, str]) -> Proposal:
 def _self_describing(path: Path, title: str, place: StatedByUser) -> Proposal | None:
     """Return the recording in a file of a kind that describes itself; None for others.
 
-    Raises InputError for a guide log that lacks something.
+    Raises InputError for a file with the marks of such a kind that lacks something.
     """
     if path.stat().st_size > MAX_BYTES or not is_text(path):
         return None
-    if is_guide_log(head_of(path)):
+    head = head_of(path)
+    if is_guide_log(head):
         stated = {} if place.latitude is None else {"latitude": str(place.latitude)}
         return _described_run("a guide log of PHD2", import_phd2([path], stated), title)
-    for kind, read in SELF_DESCRIBING.items():
+    for kind, (read, mark) in SELF_DESCRIBING.items():
         try:
             return _described_run(kind, read([path], {}), title)
-        except (InputError, UnicodeDecodeError, OSError):
-            continue
+        except InputError:
+            if any(map(mark.match, head)):
+                raise
     return None
 
 

@@ -80,7 +80,14 @@ def import_tpoint(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
         raise InputError(f"{path}: refraction needs catalogue places, and a pressure in the line of the site")
     if file.rows.shape[1] == _BY_STARS:
         return _by_stars(path, file if refracted == "yes" else replace(file, air=0.0))
-    return _by_angles(path, file, zero)
+    run = _by_angles(path, file, zero)
+    if not file.upright or "azimuth" in options:
+        return run
+    assumed = (
+        f"{path}: azimuths are taken from south through east, as TPOINT counts, nothing in it says so; where they "
+        "run from north, convert it by `gimbalcal import tpoint --set azimuth=north`"
+    )
+    return replace(run, remarks=(*run.remarks, assumed))
 
 
 def _by_stars(path: Path, file: _File) -> Recording:
