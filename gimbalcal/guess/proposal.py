@@ -39,7 +39,7 @@ from gimbalcal.guess.pointing_run import (
 )
 from gimbalcal.guess.space_stable import static_run
 from gimbalcal.guess.stored_arrays import arrays_tables, is_text
-from gimbalcal.guess.text_table import Table, head_of, tables_of
+from gimbalcal.guess.text_table import Table, head_of, table_of_files, tables_of
 from gimbalcal.guess.turned_by_table import (
     TurnedLog,
     gravity_follows,
@@ -170,6 +170,8 @@ def propose_recording(
     place = StatedByUser(latitude, height, longitude, units or {})
     if len(logs) == 1 and (known := _self_describing(logs[0], title, place)):
         return known
+    if all(map(is_text, logs)) and (of_files := table_of_files(logs)):
+        return of_tables({logs[0]: of_files}, title, rate, place)
     dates = Dates()
     tables: dict[Path, Table] = {}
     for path in logs:

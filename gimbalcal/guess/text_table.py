@@ -94,6 +94,20 @@ def tables_of(path: Path, dates: Dates | None = None) -> dict[Path, Table]:
     return tables | {first: replace(table, skipped=table.skipped + skipped)}
 
 
+def table_of_files(paths: Sequence[Path]) -> Table | None:
+    """Return the table whose columns stand in a text file each, by the names of the files; None for other files."""
+    if len(paths) < MIN_COLUMNS or not all(_NUMBER.fullmatch(next(iter(head_of(p)), "").strip()) for p in paths):
+        return None
+    columns = {}
+    for path in paths:
+        try:
+            columns[path.stem] = np.loadtxt(path, comments=None, ndmin=1, encoding=encoding_of(path))
+        except ValueError:
+            return None
+    rows = {len(x) for x in columns.values() if x.ndim == 1}
+    return Table(columns) if len(columns) == len(paths) and len(rows) == 1 else None
+
+
 def head_of(path: Path) -> list[str]:
     """Return the first lines of a text file, without zero bytes."""
     with path.open(encoding=encoding_of(path), errors="replace") as file:

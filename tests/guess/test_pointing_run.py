@@ -221,6 +221,37 @@ def test_a_tpoint_file_is_known_by_its_form_and_a_latitude_may_be_its_whole_site
     found = propose_recording([path])
     agrees(found.recording)
     assert "TPOINT" in found.notes["kind"]
+    golden_text(found.recording.remarks[1])
+
+
+def test_a_tpoint_file_with_a_fault_is_refused_for_that_fault(tmp_path):
+    path = tmp_path / "t.dat"
+    path.write_text("caption\n: ALTAZ\n39 00 26\n10.1 40.2 10.2 40.3\n....\n20.1 50.2 20.2 50.3\nEND\n")
+    with refused():
+        propose_recording([path])
+
+
+def test_a_mount_may_be_logged_into_one_file_for_each_channel(tmp_path):
+    columns = {"az_obs": AZ, "el_obs": EL, "az_residual": OFF[0] / 3600, "el_residual": OFF[1] / 3600}
+    paths = [tmp_path / f"{name}.csv" for name in columns]
+    for path, x in zip(paths, columns.values(), strict=True):
+        np.savetxt(path, x)
+    agrees(propose_recording(paths).recording)
+    paths[0].write_text("az\n" + paths[0].read_text())
+    with refused():
+        propose_recording(paths)
+
+
+def test_two_columns_without_names_that_go_together_among_others_are_not_taken_for_an_axis(tmp_path):
+    """The heading of a unit by two filters, behind its accelerometers."""
+    yaw = np.cumsum(RNG.normal(0, 1, 400))
+    path = tmp_path / "log.txt"
+    path.write_text("".join(
+        f"{a:.2f} {b:.2f} {c:.2f} Quat Yaw: {y:.2f} Yaw: {y + n:.2f}\n"
+        for a, b, c, y, n in zip(*RNG.normal(0, 1, (3, 400)), yaw, RNG.normal(0, 0.1, 400), strict=True)
+    ))  # fmt: skip
+    with refused():
+        propose_recording([path])
 
 
 def test_the_command_writes_a_run_and_its_picture(command, tmp_path):
