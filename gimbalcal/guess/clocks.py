@@ -42,6 +42,7 @@ MAX_WRAPS = 0.1  # of the rows
 MIN_RATE_HZ, MAX_RATE_HZ, USUAL_RATE_HZ = 0.05, 10_000.0, 100.0  # that inertial sensors are logged at
 COSTS = {"s": 0.0, "ms": 2.0, TICKS: 5.0, "us": 2.0, FILETIME: 9.0, "ns": 2.0, "min": 6.0, "h": 9.0, "d": 9.0}  # nats
 EPOCH_GAIN = 4.0  # nats, of a unit in which the clock states a day of this century; more where no log counts in it
+MAX_AGE_S = 9e10  # since the earliest epoch, the year 0, from which any clock counts
 MIN_DURATION_S, SHORT_COST = 1.0, 6.0  # of a log, and nats against a unit in which it is shorter
 MIN_ROWS = 3
 MIN_GROWING = 0.9  # of the steps of a clock; a check names the rows at which it goes back
@@ -59,7 +60,8 @@ def costs_of_unit(time: Array) -> dict[str, tuple[float, str]]:
     r"""Return how unlikely each unit of a clock (n,) is by its step, in nats, and why.
 
     Inertial sensors are logged at some 100 Hz, a decade more or less, :math:`\frac{1}{2} \log_{10}^2 (f / 100)`,
-    seldom in minutes or hours, and for a second at least. Raises InputError for a clock that stands still.
+    seldom in minutes or hours, and for a second at least; no clock counts more than
+    `MAX_AGE_S`. Raises InputError for a clock that stands still.
     """
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if step <= 0:
@@ -76,7 +78,7 @@ def costs_of_unit(time: Array) -> dict[str, tuple[float, str]]:
             + (", and it states a day of this century" if unit == today else ""),
         )
         for unit, rate in rates.items()
-        if MIN_RATE_HZ <= rate <= MAX_RATE_HZ
+        if MIN_RATE_HZ <= rate <= MAX_RATE_HZ and float(np.max(np.abs(time))) * UNITS[unit] < MAX_AGE_S
     } or {"s": (0.0, f"steps of {step:.4g}, at which nothing is usually logged")}
 
 
