@@ -22,6 +22,7 @@ from gimbalcal.guess.column_names import (
     unit_written,
 )
 from gimbalcal.guess.column_values import (
+    attitude_columns,
     by_order,
     by_similar_names,
     in_another_unit,
@@ -206,7 +207,9 @@ def _by_values(log: Log, elsewhere: Set[str], hint: str) -> Log:
     if not log.has(FORCE, RATE) and not elsewhere & {FORCE, RATE}:
         labelled = log.names("time", "temperature")
         others = {name: x for name, x in log.columns.items() if name not in labelled and is_anonymous(name)}
-        log = log.including(by_order(others, hint) if others else {})
+        computed = attitude_columns(others)  # by the unit or a tracker: neither sensors nor angles of a rig
+        log = replace(log, columns={name: x for name, x in log.columns.items() if name not in computed})
+        log = log.including(by_order({n: x for n, x in others.items() if n not in computed}, hint) if others else {})
     if not log.has("time") and (clock := clocks.regular_column(log)):
         why = "the column that grows evenly from row to row"
         log = log.preceded_by(clock, Guess("time", "", unit_written(plain_name(clock)), why))

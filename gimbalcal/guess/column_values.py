@@ -46,6 +46,7 @@ MIN_SHARE_OF_TURN, MAX_SPREAD_OF_DISTANCE = 0.6, 0.05  # of gravity: half the ra
 MIN_SHARE_OF_OFFSET = 0.03  # of the offset of a converter, which gravity is; steps of a reading at rest are less
 MAX_SHARE_OF_SPREAD = 0.2  # of that about zero, which the spread about an offset is
 MAX_QUATERNION_SPREAD = 2e-3  # of its length, which is 1 but for rounding
+MAX_SPREAD_OF_ROUNDING = 1e-5  # of a length that no sensor reads, as it was computed
 MAX_UNLIKE = 0.1  # of its length, which a filter changes of a vector
 MAX_GRAVITY_ERROR = 0.3  # of gravity: bias and scale errors of any unit
 _MATRIX = re.compile(r"(^|_)[a-z]?_?[0-3]_?[0-3](_|$)")  # elements of a matrix, M11, r_0_1
@@ -69,7 +70,7 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
         for name, x in columns.items()
         if (len(x) > 2 and np.all(np.diff(x) >= 0) and x[-1] > x[0]) or states_days(x)
     ]
-    attitude = _quaternion(columns)
+    attitude = attitude_columns(columns)
     names = [n for n, x in columns.items() if n not in (*growing, *attitude) and not _stands_still(x)]
     if clock := next((n for n in growing if may_be_clock(columns[n]) and _has_stamps(columns[n])), ""):
         that = ", which" if clock == next(iter(columns)) else " that"
@@ -98,12 +99,18 @@ def by_order(columns: Mapping[str, Array], hint: str = "") -> dict[str, Guess]:
     return out | _triads(rates[:1], RATE, lambda _: "", "three columns with the forces")
 
 
-def _quaternion(columns: Mapping[str, Array]) -> list[str]:
-    """Return four consecutive columns whose norm is the same at every row, as that of a quaternion; empty for none.
+def attitude_columns(columns: Mapping[str, Array]) -> list[str]:
+    """Return nine consecutive columns of a rotation matrix, or four of a quaternion; empty for none.
 
-    The norm of any three of them must change: that of gravity at rest does not, with or without a small rate.
+    The norm of a quaternion is the same at every row. Where it was measured rather than computed, the norm of any three
+    of its columns must change: that of gravity at rest does not, with or without a small rate.
     """
     names = list(columns)
+    for nine in (names[k : k + 9] for k in range(len(names) - 8)):
+        R = np.stack([columns[n] for n in nine], axis=-1).reshape(-1, 3, 3)
+        off = np.abs(R @ R.swapaxes(-1, -2) - np.eye(3)).max(axis=(1, 2))
+        if len(off) and np.quantile(off, 0.99) < MAX_QUATERNION_SPREAD:
+            return nine
     for four in (names[k : k + 4] for k in range(len(names) - 3)):
         q = [columns[n] for n in four]
         length = float(np.median(_length(q)))
@@ -112,7 +119,7 @@ def _quaternion(columns: Mapping[str, Array]) -> list[str]:
         of_four, *of_three = (
             float(np.quantile(np.abs(_length(x) / length - 1), 0.99)) for x in (q, *combinations(q, 3))
         )
-        if of_four < MAX_QUATERNION_SPREAD < MAX_SPREAD_OF_DISTANCE < min(of_three):
+        if of_four < MAX_SPREAD_OF_ROUNDING or of_four < MAX_QUATERNION_SPREAD < MAX_SPREAD_OF_DISTANCE < min(of_three):
             return four
     return []
 

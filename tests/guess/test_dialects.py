@@ -17,7 +17,7 @@ from gimbalcal.errors import InputError
 from gimbalcal.guess.attitude import quaternions
 from gimbalcal.guess.clocks import spread_stamps
 from gimbalcal.guess.column_names import by_name, quantity_of_log
-from gimbalcal.guess.column_values import by_order, by_similar_names, quantum
+from gimbalcal.guess.column_values import attitude_columns, by_order, by_similar_names, quantum
 from gimbalcal.guess.log import Log
 from gimbalcal.guess.message_log import leaves_of_object
 from gimbalcal.guess.proposal import Proposal, propose_recording
@@ -265,6 +265,29 @@ def test_a_log_that_is_called_after_the_accelerometer_holds_forces_although_the_
     forces = [name for name, g in by_order(columns, quantity_of_log("accel")).items() if g.quantity == "specific_force"]
     assert forces == ["1", "2", "3"]
     assert not any(g.quantity == "specific_force" for g in by_order(columns).values())
+
+
+def test_a_rotation_matrix_and_the_quaternions_of_a_plane_turn_without_names_are_no_sensors(tmp_path):
+    rng = np.random.default_rng(8)
+    t = 1576131518.0 + 0.015 * np.arange(900)
+    angle = 1.5 * np.sin(np.maximum(np.arange(900) - 200, 0) / 80)
+    C = Rotation.from_euler("z", angle[:, None])
+    rate = np.stack([0 * t, 0 * t, np.gradient(angle, 0.015)], axis=-1) + rng.normal(0, 0.002, (900, 3))
+    f = np.array([0.0, 0.0, 10.19]) + rng.normal(0, 0.02, (900, 3))
+    matrix = C.as_matrix().reshape(-1, 9)
+    imu, mocap, named = (tmp_path / name for name in ("imu.csv", "mocap.csv", "ref.csv"))
+    np.savetxt(imu, np.column_stack([1e3 * t, f, rate, matrix]), fmt="%.9f", delimiter=",")
+    columns = {str(k + 1): x for k, x in enumerate((*f.T, *rate.T, *matrix.T))}
+    assert attitude_columns(columns) == [str(k) for k in range(7, 16)]
+    assert attitude_columns({n: columns[n] for n in "123456"}) == []  # at rest and about one axis
+    pose = np.column_stack([t, rng.normal([2.02, 0.99, -1.65], 1e-4, (900, 3)), C.as_quat()])
+    np.savetxt(mocap, pose, fmt="%.9f", delimiter=",")
+    with pytest.raises(InputError, match="their numbers are of no sensor"):
+        propose_recording([imu, mocap])
+    named.write_text("time,px,py,pz,ref_qx,ref_qy,ref_qz,ref_qw\n" + mocap.read_text())
+    found = propose_recording([imu, named])
+    assert found.recording.kind == "rotation"
+    np.testing.assert_allclose(np.diff(found.recording.time), 0.015, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", ["log.npz", "log.npy"])
