@@ -24,6 +24,7 @@ _TIME = re.compile(
     r"|hora|tiempo|tempo|ora|tijd|epoch|mjd|jd|yday|doy|jday|decimal_day|gps_sow|gps_tow|sow|tow|itow|t|ts|sec|secs|seconds"
     r"|millis|milliseconds|micros|microseconds|nanos|nanoseconds|ms|us|ns|s|elapsed|seconds_elapsed)(_|$)"
 )
+_DIFFERENCE = frozenset(["diff", "difference", "differenz", "skew"])
 AXES_OF_A_TRIAD = ("xyz", "012", "123", "456", "abc")
 _FORCE_WORDS = (
     "linear_acceleration|lin_acc|linacc|accelerometer_acceleration|accelerometer|acceleration|accelero|accel|accl|acc"
@@ -366,6 +367,8 @@ def quantity_of_log(stem: str) -> str:
 def _time(words: str) -> str | None:
     """Return the unit of a clock, empty where the name states none; None where it is no clock."""
     parts = words.split("_")
+    if _DIFFERENCE.intersection(parts):  # of two clocks
+        return None
     for k in range(len(parts)):  # a topic or a device may stand before it
         match = _TIME.match("_".join(parts[k:]))
         if not match or (k and parts[k - 1] == "per"):  # something per second

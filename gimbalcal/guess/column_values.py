@@ -143,13 +143,14 @@ def _has_stamps(x: Array) -> bool:
 def by_similar_names(columns: Mapping[str, Array]) -> dict[str, Guess]:
     """Return guesses for triads of neighbouring columns whose names differ in one letter, N_X N_Y N_Z or S1 S2 S3.
 
-    The one whose length hardly changes holds the forces; the first that returns to one level at rest the rates.
+    The one whose length may be that of gravity holds the forces; the first that returns to one level at rest the rates.
     """
     names = list(columns)
     triples = [t for t in zip(names, names[1:], names[2:], strict=False) if _is_triad(t)]
     whole = {t: np.isfinite(np.stack([columns[n] for n in t])).all(axis=0) for t in triples}
     values = {t: [columns[n][whole[t]] for n in t] for t in triples if whole[t].any()}
-    forces = [t for t, x in values.items() if _of_constant_length(x) and changes_direction(x)]
+    of_gravity = [t for t, x in values.items() if np.median(_length(x)) > MIN_COUNT or not _unlike_gravity(x)[0]]
+    forces = [t for t in of_gravity if _of_constant_length(values[t]) and changes_direction(values[t])]
     others = [t for t in values if t not in forces]
     behind = {
         tuple(f"{n[:-1]}{int(n[-1]) + 3}" for n in t) for t in forces[:1] if t[0][-1] == "1"

@@ -612,3 +612,15 @@ def test_the_step_of_a_quantised_column_is_known_in_spite_of_rounding():
     x = np.round(np.random.default_rng(9).normal(3.4, 0.05, 4000) / 0.0012217) * 0.0012217
     assert quantum(np.round(x, 6)) == pytest.approx(0.0012217, rel=1e-3)
     assert quantum(np.random.default_rng(9).normal(size=4000)) == 0.0
+
+
+def test_neither_the_difference_of_two_clocks_is_a_clock_nor_a_place_an_accelerometer(tmp_path):
+    rng = np.random.default_rng(9)
+    angle = np.linspace(0, 4, 400)
+    place = 0.4854 * np.stack([np.cos(angle), np.sin(angle), 0 * angle]) + rng.normal(0, 0.001, (3, 400))
+    names = "timestamp_diff_ms,raw_fp_x,raw_fp_y,raw_fp_z"
+    path = rows(tmp_path / "poses.csv", names, rng.integers(0, 50, 400), *place)
+    with pytest.raises(InputError, match="no column is a clock"):
+        propose_recording([path])
+    with pytest.raises(InputError, match="no three columns are a triad"):
+        propose_recording([path], rate=10)
