@@ -3,9 +3,10 @@ r"""Damped Gauss-Newton on linearised rows: the estimate with its joint covarian
 .. math:: x_{k+1} = x_k + h \, (\hat x_k - x_k)
 
 with :math:`\hat x_k` the least-squares solution of the rows linearised at x_k. Every linear model of this package takes
-h = 1; with a nonlinear constant among the parameters (a time constant, a period) h is halved until chi^2 falls, and the
-constant stays within the range that the rows can resolve. Where chi^2 hardly falls in several short steps in a row, the
-iteration ends without having converged: the model does not describe such rows, as those of an angle of the wrong sign.
+h = 1; with a nonlinear constant among the parameters (a time constant, a period) h is halved until chi^2 falls, from
+four times that of the step before on, and the constant stays within the range that the rows can resolve. Where chi^2
+hardly falls in several short steps in a row, the iteration ends without having converged: the model does not describe
+such rows, as those of an angle of the wrong sign.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from gimbalcal.number import Array
 
 MAX_STEPS = 30  # 1 arcsec takes 3, 3 degrees 5, a time constant from the next value of its grid 6
 MAX_QUADRATIC_STEPS = 10  # after which a step that lowers chi^2 by no more than rounding is the last
+GROWTH_OF_DAMPING = 4.0  # of the share h from one step to the first trial of the next
 MIN_DAMPING = 2.0**-10  # of a step: a shorter one that still raises chi^2 is rounding
 AT_END = 1e-9  # share of the range of a constant: nearer to an end it is there
 ROUNDING_OF_CHI2 = 1e-9  # share of chi^2 by which rounding may raise it
@@ -59,7 +61,7 @@ def gauss_newton(
     if damped or bounds is not None:  # else every step that returns what rows do not determine to its prior is halved
         start, x = x, _undetermined_at_prior(info, x, bounds, seen)
         info = info if x is start else linearise(x)
-    stalled = 0
+    stalled, h = 0, 1.0
     for step in range(1, MAX_STEPS + 1):
         solution = solve_about(info, x, bounds, seen)
         # a short step that gains nothing is as late as one beyond those that converge quadratically
@@ -70,7 +72,7 @@ def gauss_newton(
             break
         if damped or bounds is not None:
             before = chi2(info, x)
-            x, info, h = _damped_step(linearise, info, x, solution.x, bounds, seen)
+            x, info, h = _damped_step(linearise, info, x, solution.x, bounds, seen, min(1.0, GROWTH_OF_DAMPING * h))
             stalled = stalled + 1 if h < SHORT_STEP and chi2(info, x) > (1 - MIN_FALL) * before else 0
         else:
             x, info = solution.x, linearise(solution.x)
@@ -149,14 +151,14 @@ def _is_rounding(info: Information, x: Array, target: Array) -> bool:
 
 
 def _damped_step(
-    linearise: Linearise, info: Information, x: Array, target: Array, bounds: Array | None, seen: float
+    linearise: Linearise, info: Information, x: Array, target: Array, bounds: Array | None, seen: float, h: float
 ) -> tuple[Array, Information, float]:
-    """Return where a step towards the target ends that is halved until chi^2 does not rise, the rows there, and h.
+    """Return where a step h towards the target ends that is halved until chi^2 does not rise, the rows there, and h.
 
     Of a model with constants these alone take the step, and everything that is linear follows them (variable
     projection): a curved valley costs no steps.
     """
-    before, h = chi2(info, x), 1.0
+    before = chi2(info, x)
     constant = np.ones(len(x), dtype=bool) if bounds is None else np.isfinite(bounds[0])
     while True:
         new = np.where(constant, x + h * (target - x), target)
