@@ -12,6 +12,7 @@ correction explains nearly every rest and the statement does not.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import combinations
 
 import numpy as np
@@ -23,9 +24,13 @@ from gimbalcal.checks.input_errors import (
     MIN_AGREEMENT,
     MIN_GAIN,
     PERMUTATIONS,
+    SINGLE_ERRORS,
     UNITS,
     Correction,
+    change_part_way,
     exchange_correction,
+    in_other_units,
+    offset_correction,
     permutation_correction,
     scale_correction,
     successful_trials,
@@ -193,23 +198,30 @@ def axes_by_angles(e: Examined) -> str:
     """Refuse a triad or gimbals for which a correction explains nearly every rest, and the statement does not."""
     rests, n = e.rests, len(e.force)
 
-    def misfit(correction: Correction) -> int:
-        angles, force = correction.of(ANGLE, rests.angles()), correction.of(FORCE, e.force)
-        return n - as_predicted(rests.platform, angles, force)
+    def deviation(correction: Correction) -> Array:
+        return _deviation(rests.platform, correction.of(ANGLE, rests.angles()), correction.of(FORCE, e.force))
 
-    stated = n - misfit(AS_STATED)
+    def misfit(correction: Correction) -> float:
+        """Return the number of rests that disagree, and as its decimal by how much the others do."""
+        off = deviation(correction) / MAX_DEVIATION_RAD
+        return int(np.count_nonzero(off >= 1)) + min(round(float(off[off < 1].mean()), 1), 0.9) if off.min() < 1 else n
+
+    stated = n - int(misfit(AS_STATED))
     if n < FEWEST_RESTS or stated >= MIN_AGREEMENT * n:
         return ""
     rows = "positions" if rests.kind.in_positions else "rows"
+    of_n = f"only {stated} of {n} {rows} have the force that the gimbal angles predict, and"
     best = [trial for some in _corrections(rests) for trial in successful_trials(some, misfit)]
-    agreeing = n - int(min(trial.misfit for trial in best))
-    if agreeing >= max(MIN_AGREEMENT * n, stated + MIN_GAIN):  # a triad and the gimbals may explain it alike
-        equal = [trial.candidate for trial in best if n - trial.misfit == agreeing]
+    least = min(trial.misfit for trial in best)
+    if (agreeing := n - int(least)) >= max(MIN_AGREEMENT * n, stated + MIN_GAIN):
+        equal = [trial.candidate for trial in best if trial.misfit == least]  # a triad and the gimbals may be alike
         remedy = " or ".join(each.remedy for each in equal if each.remedy)
-        return (
-            f"only {stated} of {n} {rows} have the force that the gimbal angles predict, and {agreeing} "
-            f"if {', or if '.join(each.words for each in equal)}; correct [columns]{': ' * bool(remedy)}{remedy}"
-        )
+        alternatives = ", or if ".join(each.words for each in equal)
+        return f"{of_n} {agreeing} if {alternatives}; correct [columns]{': ' * bool(remedy)}{remedy}"
+    single = [*(permutation_correction(FORCE, p) for p in SINGLE_ERRORS), *gimbal_corrections(rests)]
+    agree = np.array([deviation(correction) < MAX_DEVIATION_RAD for correction in (AS_STATED, *single)])
+    if part := change_part_way(agree[0], agree[1:]):
+        return f"{of_n} {part.in_words(single[part.number].words, rests.time)}"
     if stated >= 0.5 * n:
         return ""
     return (
@@ -221,23 +233,42 @@ def axes_by_angles(e: Examined) -> str:
 
 def _corrections(rests: Recording) -> tuple[list[Correction], list[Correction]]:
     """Return other statements of the accelerometers, and of the gimbals that were logged, the simplest first."""
+    return [permutation_correction(FORCE, p) for p in PERMUTATIONS], [*gimbal_corrections(rests)]
+
+
+def gimbal_corrections(rests: Recording) -> Iterator[Correction]:
+    """Yield other statements of the gimbals that were logged: signs, units, columns interchanged, zeros."""
     names = rests.platform.axis_names
     logged = [i for i, name in enumerate(names) if (ANGLE, name) in rests.channels]
-    return [permutation_correction(FORCE, p) for p in PERMUTATIONS], [
-        *(
-            scale_correction(
-                ANGLE, (names[i],), -1.0, f"the {names[i]} angle has the opposite sign",
-                f"for gimbal {names[i]} write sign = -1", names,
-            )
-            for i in logged
-        ),
-        *(scale_correction(ANGLE, (names[i],), 180 / np.pi, f"the {names[i]} angle is in radians", "",
-        names) for i in logged),
-        *(
-            exchange_correction(ANGLE, names, i, j, f"the {names[i]} and {names[j]} angles are interchanged")
-            for i, j in combinations(logged, 2)
-        ),
-    ]  # fmt: skip
+    stated = {name: rests.units.get((ANGLE, name), "rad") for name in (names[i] for i in logged)}
+    for name in stated:
+        remedy = f"for gimbal {name} write sign = -1"
+        yield scale_correction(ANGLE, (name,), -1.0, f"the {name} angle has the opposite sign", remedy, names)
+    remedy = 'write unit = "{unit}" for the gimbal '
+    for name, unit in stated.items():
+        yield from in_other_units(ANGLE, (name,), [unit], f"the {name} angle is in {{unit}}", remedy + name, names)
+    if len(logged) > 1:
+        words = "the gimbal angles are in {unit}"
+        yield from in_other_units(ANGLE, [*stated], stated.values(), words, remedy + "angles", names)
+    for i, j in combinations(logged, 2):
+        yield exchange_correction(ANGLE, names, i, j, f"the {names[i]} and {names[j]} angles are interchanged")
+    for i in logged:
+        offset = _offset_by_force(rests, i)
+        words = f"the zero of the {names[i]} angle is off by about {np.degrees(-offset):.3g} deg"
+        yield offset_correction(ANGLE, names, i, offset, words)
+
+
+def _offset_by_force(rests: Recording, gimbal: int) -> float:
+    r"""Return the offset [rad] of the readout of a gimbal with which the predicted forces are nearest to the measured.
+
+    Each predicted component is :math:`a + b \cos \delta + c \sin \delta`, so three offsets give the sum of products.
+    """
+    angles, force = rests.angles(), rests.triad(FORCE)
+    direction = force / np.linalg.norm(force, axis=1, keepdims=True)
+    turn = np.eye(angles.shape[1])[gimbal]
+    tried = 2 * np.pi / 3 * np.arange(3)
+    products = [float(np.sum(direction * _predicted(rests.platform, angles + x * turn))) for x in tried]
+    return float(np.angle(np.dot(products, np.exp(1j * tried))))
 
 
 def _silent_gimbals(rests: Recording) -> str:
@@ -256,8 +287,13 @@ def _silent_gimbals(rests: Recording) -> str:
 
 def as_predicted(platform: Platform, angles: Array, force: Array) -> int:
     """Return at how many rests the force (n, 3) points where gimbal angles (n, k) have it."""
+    return int(np.count_nonzero(_deviation(platform, angles, force) < MAX_DEVIATION_RAD))
+
+
+def _deviation(platform: Platform, angles: Array, force: Array) -> Array:
+    """Return the angle (n,) [rad] between forces (n, 3) and those that gimbal angles (n, k) predict."""
     cosine = np.sum(force * _predicted(platform, angles), axis=1) / np.linalg.norm(force, axis=1)
-    return int(np.count_nonzero(cosine > np.cos(MAX_DEVIATION_RAD)))
+    return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
 
 
 def _predicted(platform: Platform, angles: Array) -> Array:

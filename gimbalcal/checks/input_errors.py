@@ -24,6 +24,7 @@ from gimbalcal.units import is_raw, to_si
 
 MAX_DEVIATION_RAD = np.radians(15.0)  # far above gimbal zeros, misalignments and hand-set angles, below a wrong axis
 MIN_AGREEMENT = 0.9  # share of rests, turns or rows that a correct reading of the columns explains
+MIN_CHANGED = 4  # rests or turns that a correction of a part of the recording explains, and the statement does not
 MIN_GAIN = 2  # rests or turns that a correction explains beyond those explained as stated
 SIGN_CONVENTION = {
     "specific_force": " (f = a - g: one whose axis points down reads -9.8 m/s^2 at rest)",
@@ -32,7 +33,8 @@ SIGN_CONVENTION = {
 UNITS = {
     "specific_force": ("m/s^2", "g", "mg", "ug", "ft/s^2", "Gal"),
     "angular_rate": ("rad/s", "deg/s", "deg/h", "mdeg/s", "rad/h", "rev/min"),
-    "gimbal_angle": ("deg", "rad", "rev", "gon", "mdeg", "mrad"),
+    "gimbal_angle": ("deg", "rad", "rev", "gon", "arcmin", "mdeg", "mrad"),
+    "attitude_error": ("arcsec", "arcmin", "deg", "mrad"),
 }
 """Units that columns of a quantity may be in, whatever a header states."""
 CLOCK_UNITS = {1e-3: "ms", 1e3: "s instead of ms", 1e-6: "us", 60.0: "min", 3600.0: "h"}
@@ -112,6 +114,8 @@ PERMUTATIONS = tuple(
     )
 )
 """All 48, the simplest first; the first of them changes nothing."""
+SINGLE_ERRORS = tuple(p for p in PERMUTATIONS if p.complexity in ((1, 0), (2, 2)))
+"""One sign, all three, or two columns interchanged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,19 +123,23 @@ class Correction:
     """Another statement of a header: what it says, what to write for it, and what it changes.
 
     words: a clause that follows "if". matrices: by quantity, its axes and the matrix (k, k) that its columns, in that
-    order, are multiplied by. clock: seconds that one of the stated seconds really is. latitude [rad].
+    order, are multiplied by; offsets: by quantity of these, what is then added to its columns (k,) [SI]. clock: seconds
+    that one of the stated seconds really is. latitude [rad].
     """
 
     words: str
     remedy: str = ""
     matrices: Mapping[str, tuple[tuple[str, ...], Array]] = field(default_factory=dict)
+    offsets: Mapping[str, Array] = field(default_factory=dict)
     clock: float = 1.0
     latitude: float | None = None
     platform: Platform | None = None
 
     def of(self, quantity: str, values: Array) -> Array:
         """Return columns (n, k) of a quantity in the order of its axes, corrected."""
-        return np.asarray(values @ self.matrices[quantity][1].T) if quantity in self.matrices else values
+        if quantity not in self.matrices:
+            return values
+        return np.asarray(values @ self.matrices[quantity][1].T + self.offsets.get(quantity, 0.0))
 
     def corrected(self, recording: Recording) -> Recording:
         """Return the recording with this statement in its header."""
@@ -140,6 +148,7 @@ class Correction:
             own = [i for i, a in enumerate(axes) if (quantity, a) in recording.channels]
             part = M[np.ix_(own, own)]
             values = part @ np.stack([recording.channels[quantity, axes[i]] for i in own])
+            values += self.offsets.get(quantity, np.zeros(len(axes)))[own, None]
             channels |= {(quantity, axes[i]): x for i, x in zip(own, values, strict=True)}
             sigma = np.abs(part) @ [recording.scatter.get((quantity, axes[i]), np.nan) for i in own]
             scatter |= {(quantity, axes[i]): float(s) for i, s in zip(own, sigma, strict=True) if np.isfinite(s)}
@@ -204,6 +213,38 @@ def successful_trials(
     return tuple(sufficing) or tuple(t for t in others if t.misfit <= tolerance * least)[:1]
 
 
+@dataclass(frozen=True)
+class PartWay:
+    """A correction, by its number, that the rows from one on need, or else those before it, and how many agree so."""
+
+    number: int
+    row: int
+    from_row_on: bool
+    agreeing: int
+
+    def in_words(self, words: str, time: Array) -> str:
+        """Return the correction in these words with its part, by the time (n,) [s] of the rows."""
+        at = f"{time[self.row]:.10g} s"
+        part = f"from {at} on" if self.from_row_on else f"before {at}"
+        return f"{self.agreeing} if {part} {words}; correct the rows there, or cut the recording in two"
+
+
+def change_part_way(stated: Array, corrected: Array) -> PartWay | None:
+    """Return the correction that nearly every row agrees with if only a part of the recording needs it; else None.
+
+    stated (n,): which rows agree with physics as stated; corrected (c, n): which do under each correction, the simplest
+    first. The part has to have `MIN_CHANGED` rows that agree only under the correction: fewer may do so by chance.
+    """
+    n = len(stated)
+    first, then = (np.pad(np.cumsum(np.atleast_2d(x), axis=1), ((0, 0), (1, 0))) for x in (stated, corrected))
+    agreeing = np.stack([first + then[:, -1:] - then, then + first[:, -1:] - first], axis=1)  # (c, 2, n + 1)
+    best = int(agreeing.max())
+    if best < max(MIN_AGREEMENT * n, int(first[0, -1]) + MIN_CHANGED, int(then[:, -1].max()) + MIN_GAIN):
+        return None
+    number, part, row = (int(i[0]) for i in np.nonzero(agreeing == best))
+    return PartWay(number, row, part == 0, best)
+
+
 # --- what may be stated wrongly ---------------------------------------------------------------------------------------
 
 
@@ -228,6 +269,11 @@ def exchange_correction(quantity: str, of: tuple[str, ...], i: int, j: int, word
     order = list(range(len(of)))
     order[i], order[j] = j, i
     return Correction(words, "", {quantity: (of, np.eye(len(of))[order])})
+
+
+def offset_correction(quantity: str, of: tuple[str, ...], i: int, offset: float, words: str) -> Correction:
+    """Return the correction of column i of a quantity by an offset [SI], which is added to it."""
+    return Correction(words, "", {quantity: (of, np.eye(len(of)))}, {quantity: offset * np.eye(len(of))[i]})
 
 
 def in_other_units(

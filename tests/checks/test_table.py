@@ -59,6 +59,12 @@ def triad(recording, order, signs=(1, 1, 1), factor=1.0):
     return recording.with_channels(held)
 
 
+def from_the_middle(recording, order, signs):
+    """The same recording whose columns are others in its second half."""
+    changed, late = triad(recording, order, signs), np.arange(len(recording.time)) >= len(recording.time) // 2
+    return recording.with_channels({k: np.where(late, changed.channels[k], v) for k, v in recording.channels.items()})
+
+
 def angle(recording, change, only=""):
     return replace(
         recording,
@@ -145,6 +151,9 @@ ORDERS = [("yxz", (1, 1, 1)), ("xzy", (1, 1, 1)), ("xyz", (-1, -1, -1)), ("xyz",
           ("yxz", (1, 1, -1)), ("yzx", (1, 1, 1)), ("yxz", (1, -1, 1))]  # fmt: skip
 CIRCLES = [("yxz", (1, 1, 1)), ("xzy", (1, 1, 1)), ("yzx", (1, 1, 1)), ("zxy", (1, 1, 1)), ("xyz", (1, 1, -1)),
            ("xyz", (1, -1, 1))]  # fmt: skip
+PART_WAY = [("y reversed", multi_position, "xyz", (1, -1, 1)),
+            ("x and z interchanged", multi_position, "zyx", (1, 1, 1)),
+            ("x reversed in a static run", static_run, "xyz", (-1, 1, 1))]  # fmt: skip
 FAULTS: dict[str, Recording] = {
     **{f"positions {o} {s}": triad(multi_position(), o, s) for o, s in ORDERS},
     **{f"static run {o} {s}": triad(static_run(), o, s) for o, s in ORDERS},
@@ -160,6 +169,10 @@ FAULTS: dict[str, Recording] = {
     "clock in minutes": replace(static_run(), time=static_run().time / 60),
     "platform angle backwards": angle(static_run(), np.negative, "platform"),
     "clock jumps": stepped_clock(),
+    "angles in arcmin": angle(multi_position(), lambda v: v * 60),
+    "zero of inner": angle(multi_position(), lambda v: v + np.pi / 2, "inner"),
+    "zero of middle in a static run": angle(static_run(), lambda v: v + np.pi / 2, "middle"),
+    **{f"{fault} from the middle on": from_the_middle(make(), o, s) for fault, make, o, s in PART_WAY},
     "wild readout": angle(static_run(), lambda v: v + np.radians(150.0) * (np.arange(144) == 70), "platform"),
     "kelvin called degC": at_temperature(295.0, "degC"),
     "600 K": at_temperature(600.0, "K"),
