@@ -35,7 +35,7 @@ MAX_TRUE_ANGLE_RAD = 4 * np.pi
 MANY_STEPS = 10.0  # of the readouts, by which a star goes on that a mount does not follow
 MIN_GAIN = 5.0  # ratio by which the right correction reduces the separation
 UNITS = {"rad": 1.0, "deg": np.pi / 180, "hours of 15 deg": np.pi / 12, "arcmin": np.pi / 10800}
-UNITS |= {"arcsec": np.pi / 648000}
+UNITS |= {"arcsec": np.pi / 648000, "gon": np.pi / 200}
 
 
 @dataclass(frozen=True, eq=False)
