@@ -9,9 +9,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
+import numpy as np
+
 import gimbalcal
 from gimbalcal.calibration import DIRECTION, Calibration, Options, Provenance
-from gimbalcal.calibration.content_checks import refuse_not_finite
+from gimbalcal.calibration.content_checks import not_finite, refuse_not_finite
 from gimbalcal.calibration.gravity_uncertainty import with_gravity
 from gimbalcal.effects.loading import files_outside
 from gimbalcal.errors import InputError
@@ -23,7 +25,7 @@ from gimbalcal.method_table import METHODS, Request
 from gimbalcal.pipeline import Source, load
 from gimbalcal.progress import Progress, no_progress
 from gimbalcal.recording import Recording, when_recorded
-from gimbalcal.unusual_constants import with_question, with_reversed_angle
+from gimbalcal.unusual_constants import with_correction, with_question
 
 
 def by_sensor(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], ...]:
@@ -128,15 +130,15 @@ def _calibrate_unit(method: str, request: Request, known: Fleet | None) -> Calib
         raise InputError(f"--method {method} is for inertial sensors; leave it out for a pointing run")
 
     def again(changed: Sequence[Recording]) -> Calibration:
-        return METHODS[method].estimate(replace(request, recordings=tuple(changed), progress=no_progress))
+        return _estimate(method, replace(request, recordings=tuple(changed), progress=no_progress))
 
-    calibration = METHODS[method].estimate(request)
+    calibration = _estimate(method, request)
     options = calibration.provenance.options
     sessions = [f"{session.title}: {session.in_words}" for session in options.sessions or ()]
     for words in (*sessions, *filter(None, [options.in_words]), *(f"note: {w}" for w in _left_out(options))):
         request.progress(words)
     fitted = with_gravity(calibration, recordings)
-    calibration = with_reversed_angle(fitted, recordings, again)
+    calibration = with_correction(fitted, recordings, again)
     if calibration is fitted and all(r.kind.inertial for r in recordings):  # else its constants are those of no unit
         calibration = with_question(calibration, recordings, grade_of_unit(recordings, request.grade), again)
     if known is not None:
@@ -145,8 +147,20 @@ def _calibrate_unit(method: str, request: Request, known: Fleet | None) -> Calib
         none = f"note: {known.source} is the prior of no parameter of this unit"
         request.progress(f"prior: {origin.from_}" if origin and rests_on_fleet(calibration) else none)
     calibration = replace(calibration, provenance=provenance(request, calibration))
-    refuse_not_finite(calibration.to_dict(), " and ".join(repr(r.title) for r in recordings))
+    refuse_not_finite(calibration.to_dict(), _titles(recordings))
     return calibration
+
+
+def _estimate(method: str, request: Request) -> Calibration:
+    """Return the calibration by a method. Raises InputError also where a matrix of a fit that ran away is singular."""
+    try:
+        return METHODS[method].estimate(request)
+    except np.linalg.LinAlgError as error:
+        raise not_finite(_titles(request.recordings), "the inverse of a matrix") from error
+
+
+def _titles(recordings: Sequence[Recording]) -> str:
+    return " and ".join(repr(r.title) for r in recordings)
 
 
 def _left_out(options: Options) -> list[str]:

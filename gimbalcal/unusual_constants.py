@@ -10,27 +10,44 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import combinations, islice
 
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.checks.input_errors import CLOCK_UNITS, Correction, in_other_units, scale_correction, successful_trials
+from gimbalcal.checks.forces import gimbal_corrections
+from gimbalcal.checks.input_errors import (
+    AS_STATED,
+    CLOCK_UNITS,
+    Correction,
+    exchange_correction,
+    in_other_units,
+    scale_correction,
+    successful_trials,
+)
 from gimbalcal.checks.sidereal import measured_latitude
+from gimbalcal.earth import EARTH_RATE, HOUR
 from gimbalcal.effects import CATALOGUE, Parameter
-from gimbalcal.effects.effect import GYROSCOPE_STAGES
+from gimbalcal.effects.effect import GYROSCOPE_STAGES, TRIAD
 from gimbalcal.effects.sensor_grades import drift_rate_factor
 from gimbalcal.errors import list_of_alternatives
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.estimate.gyroscopes.residual_checks import WRONG_RANGE
+from gimbalcal.estimate.static_run.system import linear_misfit
 from gimbalcal.forward import AXES
 from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording import Recording
-from gimbalcal.recording.record import ANGLE, SENSOR_OF
+from gimbalcal.recording.record import ANGLE, FORCE, SENSOR_OF
 from gimbalcal.units import from_si
 
 MIN_SIGMAS = 3.0  # by which a constant has to be beyond
 MAX_TRIALS, MAX_SHOWN = 6, 2
+TRIAL_ROWS = 60  # of a static run, in which a correction is tried
+SIDEREAL_SECOND = 365.2422 / 366.2422  # of a mean solar second
+MAX_CLOCK_ERROR = 2e-5  # of a clock; more is 2 s a day
+MAX_REMAINING_SHARE = 1e-3  # of chi^2, as an offset is known to minutes of arc
+MIN_IMPROVEMENT = 10.0  # of the linear misfit, by which a correction is worth a fit
+ATTITUDE = "attitude_error"
 MAX_RELATIVE_DIFFERENCE = 0.2  # relative, of a scale factor and a ratio of units
 MIN_LATITUDE_ERROR_RAD = 1e-3
 SCALED_QUANTITIES = {"scale_factor": "specific_force", "gyro_scale_factor": "angular_rate"}
@@ -65,32 +82,64 @@ def with_question(
     return replace(c, outcome=outcome, provenance=c.provenance.with_options(question=question))
 
 
-def with_reversed_angle(c: Calibration, recordings: Sequence[Recording], again: Again) -> Calibration:
-    """Return the same calibration, or, of a static run that does not fit, one that names an angle it fits reversed.
+def with_correction(c: Calibration, recordings: Sequence[Recording], again: Again) -> Calibration:
+    """Return the same calibration, or, of a static run that does not fit, one that names the correction that does.
 
-    No check before the fit sees the sign of a navigator's attitude error, or of a gimbal that hardly moves.
+    No check before the fit sees the sign, unit or order of a navigator's attitude errors, a gimbal that hardly moves,
+    or a clock that is off by less than a platform may drift. The correction with the least linear misfit is fitted.
     """
-    if c.explained or not all(r.kind.stabilised for r in recordings):
+    if c.explained or len(recordings) != 1 or not recordings[0].kind.stabilised:
         return c
+    run = recordings[0]
 
     def misfit(correction: Correction) -> float:
-        other = again([correction.corrected(r) for r in recordings])
-        return other.residual.chi2 if other.explained else np.inf
+        return linear_misfit(correction.corrected(run).select(slice(None, None, max(1, len(run.time) // TRIAL_ROWS))))
 
-    names = {"attitude_error": AXES["attitude_error"], ANGLE: recordings[0].platform.axis_names}
-    angles = [(q, a) for q, axes in names.items() for a in axes if (q, a) in recordings[0].channels]
-    tried = successful_trials(
-        (
-            scale_correction(q, [a], -1.0, f"{q.replace('_', ' ')} {a} is of the opposite sign", a, names[q])
-            for q, a in angles
-        ),
-        misfit,
-    )
-    if not tried or not np.isfinite(tried[0].misfit):
-        return c
-    reversed_axis = tried[0].candidate
-    words = f"the data are explained if {reversed_axis.words}: write sign = -1 for {reversed_axis.remedy} in [columns]"
-    return replace(c, outcome=f"{words}; {c.outcome}")
+    stated, *best = (AS_STATED, *(t.candidate for t in successful_trials(corrections_of_static_run(run), misfit)))
+    for correction in best:
+        if MIN_IMPROVEMENT * misfit(correction) > misfit(stated):
+            continue
+        fitted = again([correction.corrected(run)])
+        share = fitted.residual.chi2 / c.residual.chi2
+        if fitted.explained or (correction.offsets and share < MAX_REMAINING_SHARE):
+            effect = "the data are explained" if fitted.explained else f"chi^2 falls to {share:.1g} of what it is"
+            words = ": ".join(filter(None, [f"{effect} if {correction.words}", correction.remedy]))
+            return replace(c, outcome=f"{words}; {c.outcome}")
+    return c
+
+
+def corrections_of_static_run(r: Recording) -> Iterator[Correction]:
+    """Yield other statements of a static run, the likeliest first: its clock, attitude errors, and gimbals."""
+    if (lag := _lag_of_the_platform(r)) and abs(lag) > MAX_CLOCK_ERROR:
+        drift = f"or else the platform drifts by {np.degrees(lag * EARTH_RATE) * HOUR:.3g} deg/h"
+        sidereal = abs(1 + lag - SIDEREAL_SECOND) < MAX_CLOCK_ERROR
+        off = f"the clock runs {abs(100 * lag):.3g} % {'slow' if lag > 0 else 'fast'}"
+        words = f"{'the time is in sidereal seconds' if sidereal else off}, {drift}"
+        yield Correction(words, clock=SIDEREAL_SECOND if sidereal else 1 + lag)
+    names = AXES[ATTITUDE]
+    axes = [a for a in names if (ATTITUDE, a) in r.channels]
+    for a in axes:
+        words = f"attitude error {a} is of the opposite sign"
+        yield scale_correction(ATTITUDE, [a], -1.0, words, f"write sign = -1 for {a} in [columns]", names)
+    stated = [r.units.get((ATTITUDE, a), QUANTITIES[ATTITUDE].si) for a in axes]
+    words, remedy = "the attitude errors are in {unit}, not in {stated}", 'write unit = "{unit}" for them in [columns]'
+    yield from in_other_units(ATTITUDE, axes, stated, words, remedy, names)
+    for a, b in combinations(axes, 2):
+        yield exchange_correction(
+            ATTITUDE, names, names.index(a), names.index(b), f"attitude errors {a} and {b} are interchanged"
+        )
+    if all((FORCE, a) in r.channels for a in TRIAD) and r.axes(ANGLE):
+        yield from gimbal_corrections(r)
+
+
+def _lag_of_the_platform(r: Recording) -> float:
+    """Return the share by which the platform gimbal turns faster than the Earth, daily errors aside, or 0."""
+    angle, phase = r.channels.get((ANGLE, "platform")), EARTH_RATE * r.time
+    if angle is None or np.ptp(phase) < np.pi:
+        return 0.0
+    daily = [f(k * angle) for k in (1, 2) for f in (np.cos, np.sin)]
+    design = np.stack([phase, np.ones_like(phase), *daily], axis=1)
+    return float(np.linalg.lstsq(design, np.unwrap(angle - phase), rcond=None)[0][0])
 
 
 def largest_usual(unit: Graded, duration_s: float, p: Parameter) -> float:
@@ -148,6 +197,17 @@ def corrections(c: Calibration, recordings: Sequence[Recording], limit: Limit) -
                     yield Correction(f"the time is in {unit}", clock=factor)
         if wrong:
             yield from _of_sensors([sizes[a] for a in wrong], wrong, quantity, recordings[0])
+        if wrong and set(sizes) == set(TRIAD):
+            yield _common_correction(float(np.median([*sizes.values()])), quantity)
+
+
+def _common_correction(factor: float, quantity: str) -> Correction:
+    """Return the correction of a whole triad that reads too much, or too little, by one factor."""
+    of_all = f"{abs(100 * (1 / factor - 1)):.3g} % too {'much' if factor < 1 else 'little'}"
+    if quantity == "specific_force":
+        cause = "as where g was converted with another constant, or gravity or the height in [site] is wrong"
+        return scale_correction(quantity, TRIAD, factor, f"every accelerometer reads {of_all}, {cause}")
+    return Correction(f"the clock is off, by which every gyroscope reads {of_all}", clock=factor)
 
 
 def _of_sensors(sizes: Sequence[float], axes: Sequence[str], quantity: str, r: Recording) -> Iterator[Correction]:

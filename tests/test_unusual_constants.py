@@ -43,6 +43,14 @@ def scaled(r, axes, factor, quantity="specific_force"):
     return r.with_channels(own)
 
 
+def interchanged(r, a, b, quantity="attitude_error"):
+    return r.with_channels({(quantity, a): r.channels[quantity, b], (quantity, b): r.channels[quantity, a]})
+
+
+def moved(r, axis, degrees, quantity="gimbal_angle"):
+    return r.with_channels({(quantity, axis): r.channels[quantity, axis] + np.radians(degrees)})
+
+
 def elsewhere(r, degrees):
     return replace(r, site=replace(r.site, latitude=np.radians(degrees)))
 
@@ -58,6 +66,28 @@ def test_a_reversed_attitude_error_is_named_and_no_constants_with_it(run):
     made, _ = calibrate([scaled(run, ["roll"], -1.0, "attitude_error")])
     assert "attitude error roll is of the opposite sign: write sign = -1" in made.outcome
     assert "usual is below" not in made.outcome
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda r: replace(r, time=r.time * 366.2422 / 365.2422), "the time is in sidereal seconds"),
+        (lambda r: replace(r, time=1.05 * r.time), "the clock runs 4.76 % fast, or else the platform drifts"),
+        (lambda r: scaled(r, ["roll", "pitch", "yaw"], 1 / 60, "attitude_error"), 'write unit = "arcmin" for them'),
+        (lambda r: scaled(r, ["middle"], 10 / 9, "gimbal_angle"), "the middle angle is in gon"),
+        (lambda r: interchanged(r, "roll", "pitch"), "attitude errors roll and pitch are interchanged"),
+        (lambda r: moved(r, "platform", 5.0), "the zero of the platform angle is off by about 5.02 deg"),
+    ],
+    ids=["sidereal", "clock", "attitude", "gon", "interchanged", "zero"],
+)
+def test_what_explains_a_static_run_is_named(run, change, words):
+    made, _ = calibrate([change(run)])
+    assert words in made.outcome
+
+
+def test_a_factor_of_all_accelerometers_is_no_question_about_each(device):
+    made, _ = calibrate([scaled(device, "xyz", 10 / 9.80665)])
+    assert "every accelerometer reads 1.96 % too much" in made.outcome
 
 
 def test_a_limit_is_in_the_unit_of_the_constant(device):

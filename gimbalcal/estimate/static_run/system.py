@@ -125,6 +125,13 @@ def calibrate_static_run(
     )
 
 
+def linear_misfit(recording: Recording) -> float:
+    """Return the misfit of a static run to its model linearised at usual constants, chi^2 per degree of freedom."""
+    run = static_readings(recording)
+    solution = solve(information_of([static_view(run)], (), static_parameters(run)))
+    return solution.chi2 / max(solution.dof, 1)
+
+
 def outcome(solution: Solution) -> str:
     """Return a sentence if the residual exceeds what chance and a sigma stated to a few per cent allow, else ""."""
     if solution.chi2 < MAX_REDUCED_CHI2 * solution.dof:
