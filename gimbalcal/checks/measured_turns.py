@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gimbalcal.checks.column_checks import at_end_of_range
 from gimbalcal.checks.input_errors import MAX_DEVIATION_RAD, MIN_AGREEMENT, PERMUTATIONS, Correction
@@ -32,13 +33,14 @@ MIN_SPREAD = 0.5  # of the widest axis: counts of a triad that went as far both 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTurns:
-    """Readings (n, 3) of each turn less their level at rest, steps (n,) [s], and the reference before and after.
+    """Readings (n, 3) of each turn less their level at rest, steps (n,) [s], its start, the reference before and after.
 
     The reference is a direction (3,) or, from gimbals, an attitude (3, 3) whose columns turn alike.
     """
 
     reading: list[Array]
     step: list[Array]
+    start: Array  # (m,) s
     before: Array  # (m, 3, k)
     after: Array  # (m, 3, k)
 
@@ -70,7 +72,11 @@ class MeasuredTurns:
 
     def agreeing(self, correction: Correction) -> int:
         """Return the number of turns that end where the reference does, by corrected rates."""
-        return int(turns_that_agree(self, self.turned(correction)))
+        return int(np.count_nonzero(self.agrees(correction)))
+
+    def agrees(self, correction: Correction) -> NDArray[np.bool_]:
+        """Return which turns (m,) end where the reference does, by corrected rates."""
+        return np.asarray(self.deviation(self.turned(correction)) < MAX_DEVIATION_RAD)
 
     def agreeing_permuted(self, factor: float) -> Array:
         """Return the number of turns (48,) that end where the reference does, by rates times a factor, permuted."""
@@ -149,7 +155,8 @@ def turns_of(recording: Recording) -> MeasuredTurns | None:
             for k, s in zip(order, spans, strict=True)
         ]
         after = [k + 1 for k in order]
-        return MeasuredTurns([r for r, _ in averaged], [t for _, t in averaged], at_rest[order], at_rest[after])
+        start = recording.time[[s.start for s in spans]]
+        return MeasuredTurns([r for r, _ in averaged], [t for _, t in averaged], start, at_rest[order], at_rest[after])
     return None
 
 

@@ -29,9 +29,12 @@ from gimbalcal.checks.input_errors import (
     MIN_AGREEMENT,
     MIN_GAIN,
     PERMUTATIONS,
+    SINGLE_ERRORS,
     AxisPermutation,
     Correction,
+    change_part_way,
     in_other_units,
+    permutation_correction,
     scale_correction,
     successful_trials,
 )
@@ -97,7 +100,21 @@ def turns_between_rests(e: Examined) -> str:
                 )  # fmt: skip
         if k == 0 and units and (sentence := _any_factor(e.recording, turns, stated)):
             return sentence
-    return ""
+    part = _changed_part_way(turns, units)
+    reference = f"only {stated} of {n} turns between rests are by {turns.reference} what the gyroscopes say, and"
+    return f"{reference} {part}" if part else ""
+
+
+def _changed_part_way(turns: MeasuredTurns, units: Sequence[Correction]) -> str:
+    """Return in words which simple correction a part of the turns needs, and which part; empty for none."""
+    in_time = np.argsort(turns.start)
+    single = [*(permutation_correction(RATE, p) for p in SINGLE_ERRORS), *units]
+    single += [_in_some(unit, [axis]) for unit in units for axis in TRIAD]
+    if turns.reference == "gravity":  # which M turns as rates -M^-1 w do
+        single += [replace(permutation_correction(RATE, p.inverse(-1)), words=p.in_words(FORCE)) for p in SINGLE_ERRORS]
+    agree = np.array([turns.agrees(correction)[in_time] for correction in (AS_STATED, *single)])
+    part = change_part_way(agree[0], agree[1:])
+    return part.in_words(single[part.number].words, turns.start[in_time]) if part else ""
 
 
 def _any_factor(recording: Recording, turns: MeasuredTurns, stated: int) -> str:

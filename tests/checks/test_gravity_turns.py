@@ -22,14 +22,14 @@ def test_a_later_step_of_a_turn_is_about_the_axes_as_the_earlier_ones_left_them(
     for a in axes:
         due = frame_rotation(a, RIGHT) @ due
     none = np.zeros((1, 3, 1))
-    made = MeasuredTurns([w / 0.5], [np.full(steps, 0.5)], none, none).turned(AS_READ)
+    made = MeasuredTurns([w / 0.5], [np.full(steps, 0.5)], np.zeros(1), none, none).turned(AS_READ)
     np.testing.assert_allclose(made[0], due, atol=1e-12)
 
 
 @pytest.mark.parametrize(("off", "close"), [(0.0, True), (14.0, True), (16.0, False), (170.0, False)])
 def test_a_turn_agrees_that_ends_within_fifteen_degrees_of_gravity(off, close):
     before, after = (np.array([[[0.0], [np.sin(a)], [np.cos(a)]]]) for a in np.radians([0.0, 90.0]))
-    turn = MeasuredTurns([], [], before, after)  # what lay along z lies along y: turned by 90 deg about x
+    turn = MeasuredTurns([], [], np.zeros(0), before, after)  # what lay along z lies along y: turned by 90 deg about x
     assert turns_that_agree(turn, frame_rotation("x", np.radians(90.0 + off))[None]) == close
 
 

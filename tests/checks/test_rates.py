@@ -99,6 +99,18 @@ def test_one_gyroscope_alone_in_another_unit():
     golden_text(message)
 
 
+@pytest.mark.parametrize(
+    ("M", "quantity"),
+    [(np.diag([1, -1, 1]), RATE), (np.diag([1, 1, 180 / np.pi]), RATE), (np.diag([1, -1, 1]), FORCE)],
+    ids=["sign", "unit", "sign of an accelerometer"],
+)
+def test_a_change_part_way(M, quantity):
+    rows = in_the_hand()
+    late = rows.time > rows.time[len(rows.time) // 2]
+    then = changed(rows, M, quantity).channels
+    golden_text(said(rows.with_channels({k: np.where(late, then[k], v) for k, v in rows.channels.items()})))
+
+
 def test_a_unit_and_a_sign_together():
     message = said(changed(in_the_hand(), 180 / np.pi * np.diag([1.0, -1.0, 1.0])))
     golden_text(message)
