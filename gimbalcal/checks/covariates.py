@@ -1,12 +1,18 @@
-"""Checks of temperatures, clocks and position numbers: they enter no force, so that nothing else would notice them."""
+"""Checks of temperatures, clocks, position numbers and steps of readings, which nothing else would notice."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 
-from gimbalcal.checks.check import EVERY, POSITIONS, Check, Examined
-from gimbalcal.recording.dwell import dwells
-from gimbalcal.recording.record import COLOURED, SENSORS
+from gimbalcal.checks.check import EVERY, POSITIONS, STATIC, Check, Examined
+from gimbalcal.errors import number_of
+from gimbalcal.number import Array
+from gimbalcal.recording.dwell import Dwell, dwells
+from gimbalcal.recording.noise_levels import resolution
+from gimbalcal.recording.record import ANGLE, COLOURED, FORCE, SENSORS
 from gimbalcal.units import from_si, is_raw
 
 TEMPERATURE = ("temperature", "")
@@ -15,6 +21,8 @@ MAX_KELVIN = 500.0
 MAX_DWELL_S, MIN_DWELL_S = 5 * 86400.0, 0.2  # of the median dwell
 MIN_ROWS_OF_A_DWELL = 20  # that show how long it lasted
 MAX_SHARE_MARKED, MAX_TIMES_SHOWN = 0.1, 3  # of the rows; more were on the way
+MIN_MOVE, MIN_MOVES = 0.2, 4  # of the range of a channel, from one dwell to the next; and so many of them
+MIN_STEP = 3.0  # of a converter, in sigmas: noise of less does not carry readings from one step to the next
 MIN_NOISE = 1e-15  # SI; less is zero to any instrument
 
 
@@ -92,7 +100,66 @@ def rows_marked_as_moving(e: Examined) -> str:
     return f"{len(marked)} {rows} marked 0, as on the way, where each rest is one row (at {where} s): left out"
 
 
+def rows_of_the_dwell_before(e: Examined) -> str:
+    """Refuse dwells whose first or last rows read what the sensors or the gimbals read in the dwell next to them.
+
+    Dwells that follow each other without rows on the way are compared. The same number of rows at most junctions is a
+    column, or the position column, that was shifted.
+    """
+    r, each = e.recording, dwells(e.recording)
+    long = [d for d in each if d.stop - d.start >= MIN_ROWS_OF_A_DWELL]
+    junctions = [(a, b) for a, b in pairwise(long) if a.stop == b.start]
+    shifts: dict[int, list[str]] = {}
+    for (quantity, axis), x in r.channels.items():
+        if quantity in (FORCE, ANGLE) and (by := _shift_in_rows(x, junctions)):
+            shifts.setdefault(by, []).append(f"{quantity} {axis}")
+    if not shifts:
+        return ""
+    by, columns = max(shifts.items(), key=lambda item: len(item[1]))
+    rows, (where, neighbour) = number_of(abs(by), "row"), ("start", "before") if by > 0 else ("end", "after")
+    those = ", ".join(c.replace("_", " ") for c in columns)
+    return (
+        f"in {rows} at the {where} of most positions these columns read as in the position {neighbour}: {those}; shift "
+        f"them, or the position numbers, by {rows}"
+    )
+
+
+def _shift_in_rows(x: Array, junctions: Sequence[tuple[Dwell, Dwell]]) -> int:
+    """Return by how many rows a channel (n,) comes after the position numbers at most junctions where it moves."""
+    levels = [(np.median(x[a.rows]), np.median(x[b.rows])) for a, b in junctions]
+    least = MIN_MOVE * float(np.ptp(levels)) if levels else 0.0
+    shifts = []
+    for (a, b), (before, after) in zip(junctions, levels, strict=True):
+        if 0 < least < abs(after - before):
+            late, early = (
+                np.abs(x[d.rows] - level) < abs(after - before) / 10 for d, level in ((b, before), (a, after))
+            )
+            shifts.append(int(np.argmin(late)) - int(np.argmin(early[::-1])))
+    usual = int(np.median(shifts)) if len(shifts) >= MIN_MOVES else 0
+    return usual if shifts.count(usual) > len(shifts) / 2 else 0
+
+
+def coarse_steps(e: Examined) -> str:
+    """Remark on accelerometers that read in steps coarser than their noise: means of a dwell do not resolve them."""
+    r = e.recording
+    steps = {a: resolution(r.channels[FORCE, a]) for a in r.axes(FORCE)}
+    sigma = {a: r.noise.get("accelerometer") or r.scatter.get((FORCE, a), 0.0) for a in steps}
+    coarse = [a for a, step in steps.items() if step > MIN_STEP * sigma[a] > 0]
+    if not coarse:
+        return ""
+    step = max(steps[a] for a in coarse)
+    size = f"{step:.3g} count" if r.counted(FORCE) else f"{from_si(step, 'ug'):.3g} ug"
+    which = f"accelerometer{'s' if len(coarse) > 1 else ''} {', '.join(coarse)}"
+    return (
+        f"{which} read in steps of {size}, coarser than the noise, so that a dwell is off by up to half a step however "
+        "long it is: what looks like a value of its own at each position, or an odd law, may be the resolution; read "
+        "a finer range"
+    )
+
+
 CHECKS = (
+    Check(rows_of_the_dwell_before, POSITIONS, ("dwells",)),
+    Check(coarse_steps, (*POSITIONS, *STATIC), (f"any {FORCE}",), question=True),
     Check(noise_below_any_instrument, EVERY),
     Check(temperature_too_high, EVERY),
     Check(temperature_too_low, EVERY, question=True),

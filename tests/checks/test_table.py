@@ -234,3 +234,27 @@ def test_thousands_of_dots_in_a_description_are_one_sentence(tmp_path):
     path.write_text(f"format = 1\n[{'.'.join('a' * 3000)}]\n")
     with pytest.raises(InputError, match="beyond what TOML is for"):
         Document(path)
+
+
+def long_dwells():
+    """Dwells of 30 rows with the noise of 1e-4 m/s^2, one after the other."""
+    r, rows = multi_position(), np.repeat(np.arange(14), 30)
+    rng = np.random.default_rng(11)
+    sigma = {"specific_force": 1e-4}
+    channels = {k: x[rows] + sigma.get(k[0], 0.0) * rng.standard_normal(420) for k, x in r.channels.items()}
+    scatter = {("specific_force", a): 1e-4 for a in "xyz"}
+    time, position = 10.0 * np.arange(420), rows + 1
+    return replace(r, time=time, position=position, channels=channels, weight=np.ones(420), scatter=scatter)
+
+
+def test_columns_that_are_shifted_against_the_position_numbers_are_named():
+    r = long_dwells()
+    assert refuse_implausible(r) == ()
+    late = r.with_channels({("specific_force", "x"): np.roll(r.channels["specific_force", "x"], 1)})
+    golden_text(said(late))
+    golden_text(said(replace(r, position=np.concatenate([r.position[:5], r.position[:-5]]))))
+
+
+def test_steps_coarser_than_the_noise_are_remarked():
+    r, key = long_dwells(), ("specific_force", "y")
+    golden_text(*refuse_implausible(r.with_channels({key: np.round(r.channels[key] / 0.01) * 0.01})))
