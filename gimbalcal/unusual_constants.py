@@ -15,7 +15,7 @@ from itertools import combinations, islice
 import numpy as np
 
 from gimbalcal.calibration import Calibration
-from gimbalcal.checks.forces import gimbal_corrections
+from gimbalcal.checks.forces import gimbal_corrections, other_range
 from gimbalcal.checks.input_errors import (
     AS_STATED,
     CLOCK_UNITS,
@@ -216,6 +216,9 @@ def _of_sensors(sizes: Sequence[float], axes: Sequence[str], quantity: str, r: R
     which = f"the {SENSOR_OF[quantity]}{'s' if several else ''} {' and '.join(axes)} {'are' if several else 'is'}"
     if all(size < 0 for size in sizes):
         yield scale_correction(quantity, axes, -1.0, f"{which} of the opposite sign")
+    ratio = other_range(float(np.median(np.abs(sizes))))
+    if ratio and _are_alike(map(abs, sizes), ratio):
+        yield scale_correction(quantity, axes, ratio, f"{which} of another range, {ratio:g} times the one read")
     words = which + " in {unit}, not in {stated}"
     stated = r.units.get((quantity, axes[0]), QUANTITIES[quantity].si)
     for correction in in_other_units(quantity, axes, [stated], words):

@@ -15,6 +15,7 @@ from gimbalcal.effects.sensor_grades import GRADES
 from gimbalcal.errors import InputError
 from gimbalcal.estimate.grade import Graded
 from gimbalcal.methods import calibrate
+from gimbalcal.platform import BENCH
 from gimbalcal.recording import read, write
 from gimbalcal.unusual_constants import beyond_grade, corrections, largest_usual, with_question
 from tests.golden import golden_text
@@ -88,6 +89,12 @@ def test_what_explains_a_static_run_is_named(run, change, words):
 def test_a_factor_of_all_accelerometers_is_no_question_about_each(device):
     made, _ = calibrate([scaled(device, "xyz", 10 / 9.80665)])
     assert "every accelerometer reads 1.96 % too much" in made.outcome
+
+
+def test_an_accelerometer_read_in_another_range_is_named(device):
+    forces = {k: x for k, x in device.channels.items() if k[0] == "specific_force"}
+    made, _ = calibrate([scaled(replace(device, channels=forces, platform=BENCH), ["x"], 0.5)], "multiposition")
+    assert "the accelerometer x is of another range, 2 times the one read" in made.outcome
 
 
 def test_a_limit_is_in_the_unit_of_the_constant(device):
