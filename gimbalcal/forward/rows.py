@@ -73,14 +73,17 @@ class Rows:
     fixed_columns: Callable[[Effect, Sequence[Parameter]], Array] | None = None  # `columns`, of affine rows
 
     def over(self, sigma: Array) -> Rows:
-        """Return the rows in units of sigma (C,) or (n, C)."""
-        return replace(
+        """Return the rows in units of sigma (C,) or (n, C); reduced rows in those of the reduced ones."""
+        reduction = self.reduction
+        rows = replace(
             self,
             residual=self.residual / sigma,
-            sensitivity=cache(lambda stage: self.sensitivity(stage) / sigma[..., None]),
-            sigma=self.sigma * sigma,
             nuisance=None if self.nuisance is None else self.nuisance / sigma[..., None],
         )
+        if reduction is not None:
+            return replace(rows, reduction=lambda X: reduction(X) / sigma[..., None])
+        sensitivity = cache(lambda stage: self.sensitivity(stage) / sigma[..., None])
+        return replace(rows, sensitivity=sensitivity, sigma=self.sigma * sigma)
 
     def reduced(self, reduction: Callable[[Array], Array]) -> Rows:
         """Return the rows with columns (n, C, p), and the residual as one of them, mapped linearly to fewer rows."""
@@ -93,7 +96,10 @@ class Rows:
         )
 
     def through(self, stage: Stage, added: Array) -> Array:
-        """Return the effect of an addition (n, ...) at a stage on the channels (n, C), before any reduction."""
+        """Return the effect of an addition (n, ...) at a stage on the channels (n, C)."""
+        return self._mapped(self._before_reduction(stage, added)[:, :, None])[:, :, 0]
+
+    def _before_reduction(self, stage: Stage, added: Array) -> Array:
         S = self.sensitivity(stage)
         return np.asarray(np.einsum("ncm,nm->nc", S, added.reshape(len(S), -1)))
 
@@ -125,7 +131,7 @@ class Rows:
         x0, out = values([effect], wanted), []
         for unit in np.eye(len(wanted)):
             (probe,) = with_values([effect], wanted, x0 + 1j * STEP * unit, names)
-            out.append(self.through(effect.stage, np.asarray(probe.contribution(s)).imag / STEP))
+            out.append(self._before_reduction(effect.stage, np.asarray(probe.contribution(s)).imag / STEP))
         return self._mapped(np.stack(out, axis=-1))
 
     def _through_all(self, effect: Effect, wanted: Sequence[Parameter]) -> Array:

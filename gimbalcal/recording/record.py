@@ -65,12 +65,16 @@ ANGLES = ("gimbal_angle", "attitude_error", "true_angle")
 
 @dataclass(frozen=True)
 class Site:
-    """The site of a rig: latitude [rad] (None where it was not given), height [m], gravity and its sigma [m/s^2]."""
+    """The site of a rig: latitude and its sigma [rad], height [m], gravity and its sigma [m/s^2].
+
+    The latitude is None where it was not given.
+    """
 
     latitude: float | None = None
     height: float = 0.0
     gravity: float = G0
     gravity_sigma: float = 0.0
+    latitude_sigma: float = 0.0
 
 
 UNKNOWN_SITE = Site(gravity_sigma=0.015)

@@ -1,4 +1,4 @@
-"""Read [site] of a recording.toml: latitude, height and gravity, and its sigma.
+"""Read [site] of a recording.toml: latitude, height and gravity, and the sigmas of latitude and gravity.
 
 Every accelerometer is scaled by gravity, so its uncertainty is one of the scale factors'. Sources: Rapp, "The
 determination of geoid undulations and gravity anomalies", J. Geophys. Res. 86 (1981), for free-air anomalies of some
@@ -34,7 +34,13 @@ def site_of(document: Document, kind: Kind) -> tuple[Site, tuple[str, ...]]:
     table = document.table("site")
     document.only("site", ("latitude", "height", "gravity"), table)
     quantities = {"latitude": "angle", "height": "height", "gravity": "gravity"}
-    table, sigma = _gravity_sigma(document, table)
+    table, sigma = _stated_sigma(document, table, "gravity", "gravity", "m/s^2")
+    table, latitude_sigma = _stated_sigma(document, table, "latitude", "angle", "rad")
+    if latitude_sigma and not kind.stabilised:
+        raise InputError(
+            f"{document.where('site', 'latitude')}: a sigma of the latitude is taken into account in a static run "
+            f"alone, and this is a {kind} recording; leave it out"
+        )
     given = {key: document.number("site", key, entry, quantities[key]) for key, entry in table.items()}
     latitude = given.get("latitude")
     for key, (low, high, why) in RANGES.items():
@@ -48,8 +54,9 @@ def site_of(document: Document, kind: Kind) -> tuple[Site, tuple[str, ...]]:
         )
     if "gravity" in given:
         site = with_gravity_stated(latitude, given.get("height"), given["gravity"], sigma)
+        site = replace(site, latitude_sigma=latitude_sigma or 0.0)
         return site, _odd_gravity(document, site) if kind.inertial else ()
-    site = with_normal_gravity(latitude, given.get("height"))
+    site = replace(with_normal_gravity(latitude, given.get("height")), latitude_sigma=latitude_sigma or 0.0)
     columns = document.table("columns").values()
     weighed = any(isinstance(entry, dict) and entry.get("quantity") == "specific_force" for entry in columns)
     if latitude is not None or not weighed:
@@ -59,18 +66,18 @@ def site_of(document: Document, kind: Kind) -> tuple[Site, tuple[str, ...]]:
     return site, (f"{remark}, good to {off:.0f} ppm, which every scale factor takes over",)
 
 
-def _gravity_sigma(document: Document, table: dict[str, Any]) -> tuple[dict[str, Any], float | None]:
-    """Return [site] without the sigma of its gravity, and this sigma [m/s^2]."""
-    entry = table.get("gravity")
+def _stated_sigma(
+    document: Document, table: dict[str, Any], name: str, quantity: str, si: str
+) -> tuple[dict[str, Any], float | None]:
+    """Return [site] without the sigma of one of its entries, and this sigma in SI."""
+    entry = table.get(name)
     if not isinstance(entry, dict) or "sigma" not in entry:
         return table, None
     known = {**entry, "value": entry["sigma"]}
-    sigma = document.number("site", "gravity", {k: v for k, v in known.items() if k != "sigma"}, "gravity")
+    sigma = document.number("site", name, {k: v for k, v in known.items() if k != "sigma"}, quantity)
     if sigma < 0:
-        raise InputError(
-            f"{document.where('site', 'gravity')}: the sigma of gravity is {sigma:g} m/s^2; give 0 or more"
-        )
-    return {**table, "gravity": {k: v for k, v in entry.items() if k != "sigma"}}, sigma
+        raise InputError(f"{document.where('site', name)}: the sigma of {name} is {sigma:g} {si}; give 0 or more")
+    return {**table, name: {k: v for k, v in entry.items() if k != "sigma"}}, sigma
 
 
 def _odd_gravity(document: Document, site: Site) -> tuple[str, ...]:

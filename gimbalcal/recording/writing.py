@@ -124,12 +124,17 @@ def _noise(recording: Recording) -> list[str]:
 def _site(site: Site) -> list[str]:
     lines = ["[site]"]
     if site.latitude is not None:
-        lines.append(f"latitude = {_toml_number(from_si(site.latitude, 'deg'), 'deg')}")
+        lines.append(f"latitude = {_with_sigma(site.latitude, site.latitude_sigma, 'deg')}")
     if site != UNKNOWN_SITE:  # nobody has said where it is: better to say so again on reading
-        sigma = f", sigma = {site.gravity_sigma!r}" if site.gravity_sigma else ""
-        g = _toml_number(site.gravity, "m/s^2").replace(", unit", f"{sigma}, unit")
+        g = _with_sigma(site.gravity, site.gravity_sigma, "m/s^2")
         lines += [f"height = {_toml_number(site.height, 'm')}", f"gravity = {g}"]
     return lines
+
+
+def _with_sigma(value: float, sigma: float, unit: str) -> str:
+    """Return a number in SI in this unit, and its sigma where there is one."""
+    stated = f", sigma = {float(from_si(sigma, unit))!r}" if sigma else ""
+    return _toml_number(from_si(value, unit), unit).replace(", unit", f"{stated}, unit")
 
 
 def platform_toml(platform: Platform, stabilised: bool = False) -> list[str]:

@@ -26,7 +26,7 @@ from gimbalcal.recording import Recording, block_means, dwells
 from gimbalcal.recording.dwell import rests_are_means, whole_means
 from gimbalcal.recording.noise_levels import SETTING_SIGMA_RAD, header_noise, sample_sigma
 from gimbalcal.recording.record import FORCE, SENSOR_OF, Key
-from gimbalcal.views.core import Measurement, View, recording_fields
+from gimbalcal.views.core import Measurement, View, nuisance, recording_fields
 from gimbalcal.views.local import Local
 from gimbalcal.views.noise import NoiseModel
 
@@ -36,6 +36,7 @@ FOLDS = 12  # stretches of a static run that are held out in turn
 BLOCKS_IN_ALL = 108  # block means of a multi-position recording: 6 in each of 18 dwells, at least 2 in each of many
 NOISELESS = 1e-11  # of gravity: what a simulation without noise leaves
 STUCK_SIGMA = 1e-15  # one sigma of a channel that always reads the same, SI
+LATITUDE_STEP_RAD = 1e-5  # over which the derivative of the force by the latitude is taken
 MOST_ROWS = 4000  # of a static run: 48 h come as minute means, and half a gigabyte of columns is enough
 
 
@@ -66,6 +67,15 @@ class Readings:
         """The rows about a model: residuals and sensitivities in SI."""
         platform = self.recording.platform
         return linearise(platform, self.stimulus, effects, self.recording.kind, self.channels, self.value)
+
+    def rows_and_latitude(self, effects: Sequence[Effect] = ()) -> Rows:
+        """The rows about a model with their derivative by the latitude, an explicit parameter."""
+        site = self.recording.site
+        assert site.latitude is not None  # a static run is refused without it
+        moved = replace(self.recording, site=replace(site, latitude=site.latitude + LATITUDE_STEP_RAD))
+        there = replace(self, recording=moved, stimulus=stimulus_from_readings(moved)).predicted(effects)
+        change = difference(there, self.predicted(effects), self.channels)
+        return replace(self.rows(effects), nuisance=change[..., None] / LATITUDE_STEP_RAD)
 
     def predicted(self, effects: Sequence[Effect] = ()) -> Array:
         """Return the readings (n, C) that the model predicts."""
@@ -132,7 +142,8 @@ def view_of_readings(
 ) -> View:
     """Return the view of readings at known attitude with this noise.
 
-    setting: one sigma [rad] by which gimbals are set at each visit of a position; None where no row is set anew.
+    setting: one sigma [rad] by which gimbals are set at each visit of a position; None where no row is set anew. A
+    latitude that is stated with a sigma is eliminated: an error of it resembles scale factors and zeros.
     """
     recording, s, n = read.recording, read.stimulus, len(read.recording.time)
     visit = np.unique(s.visit, return_inverse=True)[1]
@@ -144,13 +155,16 @@ def view_of_readings(
     local = None
     if setting is not None:
         local = Local(visit, s.readout.shape[1], setting, lambda rows: rows.sensitivity(Stage.ENCODER), off)
+    uncertain = recording.kind.stabilised and recording.site.latitude_sigma > 0
     return View(
         STATIC_RUN if recording.kind.stabilised else POSITIONS, channels=read.channels, **recording_fields(recording),
-        stimulus=s, evaluate=read.rows, stages=frozenset(Stage), noise=noise, label=s.position,
+        stimulus=s, evaluate=read.rows_and_latitude if uncertain else read.rows, stages=frozenset(Stage), noise=noise,
+        label=s.position,
+        nuisances=(nuisance("latitude", "", "deg", recording.site.latitude_sigma),) if uncertain else (),
         baseline=tuple(baseline) or recording.kind.baseline,
         groups=np.arange(n) * FOLDS // n if recording.kind.stabilised else s.visit,
         local=local,
-    )  # fmt: skip
+    ).without_nuisances()  # fmt: skip
 
 
 def at_rest(recording: Recording) -> Recording:

@@ -1,10 +1,17 @@
-"""The sigma of gravity: of the ellipsoid, as stated, and where the stated value is anomalous."""
+"""The sigmas of gravity and latitude: of the ellipsoid, as stated, and where the stated value is anomalous."""
+
+import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gimbalcal.earth import normal_gravity
+from gimbalcal.errors import InputError
+from gimbalcal.recording import read, write
 from gimbalcal.recording.site import ANOMALY, UNKNOWN_HEIGHT, gravity_anomaly, with_gravity_stated, with_normal_gravity
+from gimbalcal.simulate import simulate
+from gimbalcal.simulate.scenario import find
 
 L = np.deg2rad(48.0)
 HERE = float(normal_gravity(L, 500.0))
@@ -27,3 +34,28 @@ def test_a_stated_gravity_is_exact_unless_it_is_anomalous_or_its_sigma_is_stated
     assert with_gravity_stated(None, None, strange, None).gravity_sigma == 0.0
     assert gravity_anomaly(with_gravity_stated(L, 500.0, strange, 0.0)) == pytest.approx(-4e-3)
     assert gravity_anomaly(with_gravity_stated(L, 500.0, usual, 0.0)) == 0.0
+
+
+def test_the_sigma_of_a_latitude_is_read_and_written_with_a_static_run(tmp_path):
+    static, _ = simulate(shorter("wu2018-static"), 1)
+    write(replace(static, site=replace(static.site, latitude_sigma=np.radians(1e-3))), tmp_path / "run")
+    assert "latitude = { value = " in (tmp_path / "run" / "recording.toml").read_text(encoding="utf-8")
+    assert read(tmp_path / "run").site.latitude_sigma == pytest.approx(np.radians(1e-3))
+    header = tmp_path / "run" / "recording.toml"
+    header.write_text(header.read_text(encoding="utf-8").replace("sigma = 0.001", "sigma = -0.001"), encoding="utf-8")
+    with pytest.raises(InputError, match="the sigma of latitude is"):
+        read(tmp_path / "run")
+
+
+def test_a_sigma_of_the_latitude_that_nothing_takes_into_account_is_refused(tmp_path):
+    positions, _ = simulate(shorter("wu2018-18"), 1)
+    write(replace(positions, site=replace(positions.site, latitude_sigma=np.radians(1e-3))), tmp_path / "run")
+    with pytest.raises(InputError, match="in a static run alone"):
+        read(tmp_path / "run")
+
+
+def shorter(name):
+    scenario = tomllib.loads(find(name).read_text(encoding="utf-8"))
+    if "duration" in scenario["schedule"]:
+        scenario["schedule"] |= {"duration": {"value": 12, "unit": "h"}, "rate": {"value": 1 / 600, "unit": "Hz"}}
+    return scenario

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from gimbalcal.diagnose import diagnose
 from gimbalcal.earth import EARTH_RATE
 from gimbalcal.effects import CATALOGUE, values
 from gimbalcal.estimate.static_run.combined_coefficients import MEANS, NAMES, coefficient_matrix
@@ -35,6 +36,24 @@ def test_parameters_without_noise_come_back_in_every_seen_direction():
     x = values(truth, found.parameters)
     difference = coefficient_matrix(LATITUDE, G, found.parameters) @ (found.values - x)
     assert np.abs(difference).max() < 1e-7  # second-order terms of unobservable parts again
+
+
+def test_a_latitude_that_is_off_by_a_sigma_moves_no_constant_by_more_than_a_few():
+    """An error of 36 arcsec moves the scale factors by 150 ppm, of which nothing else shows."""
+    exact = run(draw(np.random.default_rng(4), ALL), np.random.default_rng(5))
+    off = np.radians(0.01)
+    moved = dataclasses.replace(exact, site=dataclasses.replace(exact.site, latitude=exact.site.latitude + off))
+    stated = dataclasses.replace(moved, site=dataclasses.replace(moved.site, latitude_sigma=off))
+    right, taken_as_exact, known_to_a_sigma = (calibrate_static_run(static_readings(r)) for r in (exact, moved, stated))
+    assert np.abs((taken_as_exact.values - right.values) / taken_as_exact.sigmas).max() > 5
+    assert np.abs((known_to_a_sigma.values - right.values) / known_to_a_sigma.sigmas).max() < 1.5
+    diagnosed = diagnose([stated])
+    common = [p for p in diagnosed.calibration.parameters if p.effect == "scale_factor" and p.axis in "xy"]
+    for p in common:
+        sigmas = [c.sigmas[c.parameters.index(p)] for c in (diagnosed.calibration, known_to_a_sigma)]
+        assert sigmas[0] == pytest.approx(sigmas[1], rel=0.25)  # the model of a diagnosis has fewer constants
+    assert diagnosed.verdict == "adequate"
+    assert len(common) == 2
 
 
 def test_rank_is_fourteen_of_twentytwo_and_the_rest_is_named():
