@@ -230,8 +230,7 @@ def law_of_searches(
     b = _laws_and_noises(ranked, nodes, alone=bool(instead))
     g, every = b.problem, b.laws
     best_else = _best_else(ranked)
-    needed = SEPARATION_EVIDENCE + NAME_ODDS if instead else -_cost_of_choice(every)
-    best, others = chosen_law(g, every, best_else + needed - b.ln_known)
+    best, others = chosen_law(g, every, best_else + (SEPARATION_EVIDENCE + NAME_ODDS) * bool(instead) - b.ln_known)
     if best is None and instead:
         likeliest = every[:MAX_COMPARED_LAWS]
         likelier = _joint_evidence(likeliest) > best_else  # else no selection of them is
@@ -310,11 +309,6 @@ def _best_else(ranked: Ranking) -> float:
     """
     every = ranked.library.candidates
     return max(h.ln_weight for h in ranked.hypotheses if len({bool(every[i].rival) for i in h.members}) == 1)
-
-
-def _cost_of_choice(laws: Sequence[Law]) -> float:
-    """Return what the choice of the likeliest law among formulas costs; a shape of the same rows was not so chosen."""
-    return laws[0].cost if laws else 0.0
 
 
 def _joint_evidence(laws: Sequence[Law]) -> float:
@@ -534,7 +528,8 @@ def laws_of_view(remaining: Search, sigma: Array, known: Sequence[str]) -> tuple
         if b is None:
             return LawSearchResult((), "" if hidden else law_sentences.REPEAT_TURNS), m
         g, every = b.problem, b.laws
-        best, others = chosen_law(g, every, _best_else(remaining) - b.ln_known - _cost_of_choice(every))
+        cost_of_choice = every[0].cost if every else 0.0  # a shape of the same rows was not chosen among formulas
+        best, others = chosen_law(g, every, _best_else(remaining) - b.ln_known - cost_of_choice)
         if hidden and (best is None or best.evidence + np.log(UNKNOWN) < CLAIM):
             return LawSearchResult(), m
         if not laws and best is not None and (as_likely := _known_causes_as_likely(remaining, best, b.total)):
