@@ -25,7 +25,7 @@ from gimbalcal.checks.input_errors import (
     scale_correction,
     successful_trials,
 )
-from gimbalcal.checks.sidereal import measured_latitude
+from gimbalcal.checks.sidereal import excess_rate_of_platform, measured_latitude
 from gimbalcal.earth import EARTH_RATE, HOUR
 from gimbalcal.effects import CATALOGUE, Parameter
 from gimbalcal.effects.effect import GYROSCOPE_STAGES, TRIAD
@@ -91,14 +91,16 @@ def with_correction(c: Calibration, recordings: Sequence[Recording], again: Agai
     if c.explained or len(recordings) != 1 or not recordings[0].kind.stabilised:
         return c
     run = recordings[0]
+    some = run.select(slice(None, None, max(1, len(run.time) // TRIAL_ROWS)))
 
     def misfit(correction: Correction) -> float:
-        return linear_misfit(correction.corrected(run).select(slice(None, None, max(1, len(run.time) // TRIAL_ROWS))))
+        return linear_misfit(correction.corrected(some))
 
-    stated, *best = (AS_STATED, *(t.candidate for t in successful_trials(corrections_of_static_run(run), misfit)))
-    for correction in best:
-        if MIN_IMPROVEMENT * misfit(correction) > misfit(stated):
+    stated = misfit(AS_STATED)
+    for best in successful_trials(corrections_of_static_run(run), misfit):
+        if MIN_IMPROVEMENT * best.misfit > stated:
             continue
+        correction = best.candidate
         fitted = again([correction.corrected(run)])
         share = fitted.residual.chi2 / c.residual.chi2
         if fitted.explained or (correction.offsets and share < MAX_REMAINING_SHARE):
@@ -110,12 +112,12 @@ def with_correction(c: Calibration, recordings: Sequence[Recording], again: Agai
 
 def corrections_of_static_run(r: Recording) -> Iterator[Correction]:
     """Yield other statements of a static run, the likeliest first: its clock, attitude errors, and gimbals."""
-    if (lag := _lag_of_the_platform(r)) and abs(lag) > MAX_CLOCK_ERROR:
-        drift = f"or else the platform drifts by {np.degrees(lag * EARTH_RATE) * HOUR:.3g} deg/h"
-        sidereal = abs(1 + lag - SIDEREAL_SECOND) < MAX_CLOCK_ERROR
-        off = f"the clock runs {abs(100 * lag):.3g} % {'slow' if lag > 0 else 'fast'}"
+    if (excess := excess_rate_of_platform(r)) and abs(excess) > MAX_CLOCK_ERROR:
+        drift = f"or else the platform drifts by {np.degrees(excess * EARTH_RATE) * HOUR:.3g} deg/h"
+        sidereal = abs(1 + excess - SIDEREAL_SECOND) < MAX_CLOCK_ERROR
+        off = f"the clock runs {abs(100 * excess):.3g} % {'slow' if excess > 0 else 'fast'}"
         words = f"{'the time is in sidereal seconds' if sidereal else off}, {drift}"
-        yield Correction(words, clock=SIDEREAL_SECOND if sidereal else 1 + lag)
+        yield Correction(words, clock=SIDEREAL_SECOND if sidereal else 1 + excess)
     names = AXES[ATTITUDE]
     axes = [a for a in names if (ATTITUDE, a) in r.channels]
     for a in axes:
@@ -130,16 +132,6 @@ def corrections_of_static_run(r: Recording) -> Iterator[Correction]:
         )
     if all((FORCE, a) in r.channels for a in TRIAD) and r.axes(ANGLE):
         yield from gimbal_corrections(r)
-
-
-def _lag_of_the_platform(r: Recording) -> float:
-    """Return the share by which the platform gimbal turns faster than the Earth, daily errors aside, or 0."""
-    angle, phase = r.channels.get((ANGLE, "platform")), EARTH_RATE * r.time
-    if angle is None or np.ptp(phase) < np.pi:
-        return 0.0
-    daily = [f(k * angle) for k in (1, 2) for f in (np.cos, np.sin)]
-    design = np.stack([phase, np.ones_like(phase), *daily], axis=1)
-    return float(np.linalg.lstsq(design, np.unwrap(angle - phase), rcond=None)[0][0])
 
 
 def largest_usual(unit: Graded, duration_s: float, p: Parameter) -> float:

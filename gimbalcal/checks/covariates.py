@@ -1,4 +1,4 @@
-"""Checks of temperatures, clocks, position numbers and steps of readings, which nothing else would notice."""
+"""Checks of temperatures, clocks and position numbers: they enter no force, so that nothing else would notice them."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from gimbalcal.checks.check import EVERY, POSITIONS, STATIC, Check, Examined
+from gimbalcal.checks.check import EVERY, POSITIONS, Check, Examined
 from gimbalcal.errors import number_of
 from gimbalcal.number import Array
 from gimbalcal.recording.dwell import Dwell, dwells
-from gimbalcal.recording.noise_levels import resolution
 from gimbalcal.recording.record import ANGLE, COLOURED, FORCE, SENSORS
 from gimbalcal.units import from_si, is_raw
 
@@ -22,7 +21,6 @@ MAX_DWELL_S, MIN_DWELL_S = 5 * 86400.0, 0.2  # of the median dwell
 MIN_ROWS_OF_A_DWELL = 20  # that show how long it lasted
 MAX_SHARE_MARKED, MAX_TIMES_SHOWN = 0.1, 3  # of the rows; more were on the way
 MIN_MOVE, MIN_MOVES = 0.2, 4  # of the range of a channel, from one dwell to the next; and so many of them
-MIN_STEP = 3.0  # of a converter, in sigmas: noise of less does not carry readings from one step to the next
 MIN_NOISE = 1e-15  # SI; less is zero to any instrument
 
 
@@ -139,27 +137,8 @@ def _shift_in_rows(x: Array, junctions: Sequence[tuple[Dwell, Dwell]]) -> int:
     return usual if shifts.count(usual) > len(shifts) / 2 else 0
 
 
-def coarse_steps(e: Examined) -> str:
-    """Remark on accelerometers that read in steps coarser than their noise: means of a dwell do not resolve them."""
-    r = e.recording
-    steps = {a: resolution(r.channels[FORCE, a]) for a in r.axes(FORCE)}
-    sigma = {a: r.noise.get("accelerometer") or r.scatter.get((FORCE, a), 0.0) for a in steps}
-    coarse = [a for a, step in steps.items() if step > MIN_STEP * sigma[a] > 0]
-    if not coarse:
-        return ""
-    step = max(steps[a] for a in coarse)
-    size = f"{step:.3g} count" if r.counted(FORCE) else f"{from_si(step, 'ug'):.3g} ug"
-    which = f"accelerometer{'s' if len(coarse) > 1 else ''} {', '.join(coarse)}"
-    return (
-        f"{which} read in steps of {size}, coarser than the noise, so that a dwell is off by up to half a step however "
-        "long it is: what looks like a value of its own at each position, or an odd law, may be the resolution; read "
-        "a finer range"
-    )
-
-
 CHECKS = (
     Check(rows_of_the_dwell_before, POSITIONS, ("dwells",)),
-    Check(coarse_steps, (*POSITIONS, *STATIC), (f"any {FORCE}",), question=True),
     Check(noise_below_any_instrument, EVERY),
     Check(temperature_too_high, EVERY),
     Check(temperature_too_low, EVERY, question=True),

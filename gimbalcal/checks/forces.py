@@ -40,8 +40,9 @@ from gimbalcal.number import Array, apply_matrix
 from gimbalcal.platform import Platform
 from gimbalcal.recording.detection import motion
 from gimbalcal.recording.dwell import dwells
+from gimbalcal.recording.noise_levels import resolution
 from gimbalcal.recording.record import ANGLE, FORCE, Recording
-from gimbalcal.units import to_si
+from gimbalcal.units import from_si, to_si
 
 FORCE_UNITS = {unit: to_si(1.0, unit) for unit in UNITS[FORCE]}
 MAX_NORM_ERROR = 0.3  # of gravity, rms: above that of any low-cost unit
@@ -52,6 +53,7 @@ UNIT_RATIO_RANGE = 0.8, 1.25  # ratios that are one within the errors of a unit
 MAX_MOTION = 0.2  # of gravity, half of the rows: a table that shakes so much is not at rest
 FEWEST_RESTS = 3
 STILL_RAD = 1e-3
+MIN_STEP = 3.0  # of a converter, in sigmas: noise of less does not carry readings from one step to the next
 MIN_FELT = 0.1  # of gravity, by which the force turns with a gimbal
 
 
@@ -202,23 +204,27 @@ def axes_by_angles(e: Examined) -> str:
         return _deviation(rests.platform, correction.of(ANGLE, rests.angles()), correction.of(FORCE, e.force))
 
     def misfit(correction: Correction) -> float:
-        """Return the number of rests that disagree, and as its decimal by how much the others do."""
+        """Return the number of rests that disagree, and in tenths below one how far the others are off on average."""
         off = deviation(correction) / MAX_DEVIATION_RAD
-        return int(np.count_nonzero(off >= 1)) + min(round(float(off[off < 1].mean()), 1), 0.9) if off.min() < 1 else n
+        agree = off < 1
+        tenths = min(round(float(off[agree].mean()), 1), 0.9) if agree.any() else 0.0
+        return n - int(np.count_nonzero(agree)) + tenths
 
     stated = n - int(misfit(AS_STATED))
     if n < FEWEST_RESTS or stated >= MIN_AGREEMENT * n:
         return ""
     rows = "positions" if rests.kind.in_positions else "rows"
     of_n = f"only {stated} of {n} {rows} have the force that the gimbal angles predict, and"
-    best = [trial for some in _corrections(rests) for trial in successful_trials(some, misfit)]
+    of_gimbals = [*gimbal_corrections(rests)]
+    of_triad = [permutation_correction(FORCE, p) for p in PERMUTATIONS]
+    best = [trial for some in (of_triad, of_gimbals) for trial in successful_trials(some, misfit)]
     least = min(trial.misfit for trial in best)
     if (agreeing := n - int(least)) >= max(MIN_AGREEMENT * n, stated + MIN_GAIN):
         equal = [trial.candidate for trial in best if trial.misfit == least]  # a triad and the gimbals may be alike
         remedy = " or ".join(each.remedy for each in equal if each.remedy)
         alternatives = ", or if ".join(each.words for each in equal)
         return f"{of_n} {agreeing} if {alternatives}; correct [columns]{': ' * bool(remedy)}{remedy}"
-    single = [*(permutation_correction(FORCE, p) for p in SINGLE_ERRORS), *gimbal_corrections(rests)]
+    single = [*(permutation_correction(FORCE, p) for p in SINGLE_ERRORS), *of_gimbals]
     agree = np.array([deviation(correction) < MAX_DEVIATION_RAD for correction in (AS_STATED, *single)])
     if part := change_part_way(agree[0], agree[1:]):
         return f"{of_n} {part.in_words(single[part.number].words, rests.time)}"
@@ -231,13 +237,8 @@ def axes_by_angles(e: Examined) -> str:
     )
 
 
-def _corrections(rests: Recording) -> tuple[list[Correction], list[Correction]]:
-    """Return other statements of the accelerometers, and of the gimbals that were logged, the simplest first."""
-    return [permutation_correction(FORCE, p) for p in PERMUTATIONS], [*gimbal_corrections(rests)]
-
-
 def gimbal_corrections(rests: Recording) -> Iterator[Correction]:
-    """Yield other statements of the gimbals that were logged: signs, units, columns interchanged, zeros."""
+    """Yield other statements of the gimbals that were logged, the simplest first: signs, units, order, zeros."""
     names = rests.platform.axis_names
     logged = [i for i, name in enumerate(names) if (ANGLE, name) in rests.channels]
     stated = {name: rests.units.get((ANGLE, name), "rad") for name in (names[i] for i in logged)}
@@ -307,7 +308,28 @@ def _unit(recording: Recording, axis: str = "x") -> str:
 
 PHYSICAL = f"physical {FORCE}"
 AT_REST = (*POSITIONS, *STATIC)
+
+
+def coarse_steps(e: Examined) -> str:
+    """Remark on accelerometers that read in steps coarser than their noise: means of a dwell do not resolve them."""
+    r = e.recording
+    steps = {a: resolution(r.channels[FORCE, a]) for a in r.axes(FORCE)}
+    sigma = {a: r.noise.get("accelerometer") or r.scatter.get((FORCE, a), 0.0) for a in steps}
+    coarse = [a for a, step in steps.items() if step > MIN_STEP * sigma[a] > 0]
+    if not coarse:
+        return ""
+    step = max(steps[a] for a in coarse)
+    size = f"{step:.3g} count" if r.counted(FORCE) else f"{from_si(step, 'ug'):.3g} ug"
+    which = f"accelerometer{'s' if len(coarse) > 1 else ''} {', '.join(coarse)}"
+    return (
+        f"{which} read in steps of {size}, coarser than the noise, so that a dwell is off by up to half a step however "
+        "long it is: what looks like a value of its own at each position, or like a formula, may be the resolution; "
+        "record in a finer range"
+    )
+
+
 CHECKS = (
+    Check(coarse_steps, (*POSITIONS, *STATIC), (f"any {FORCE}",), question=True),
     Check(motion_within_a_position, POSITIONS, (PHYSICAL, "position")),
     Check(unit_of_some, AT_REST, (PHYSICAL,)),
     Check(unit_of_all, AT_REST, (PHYSICAL,)),

@@ -33,13 +33,13 @@ MIN_SPREAD = 0.5  # of the widest axis: counts of a triad that went as far both 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTurns:
-    """Readings (n, 3) of each turn less their level at rest, steps (n,) [s], its start, the reference before and after.
+    """Turns between rests: readings less their level at rest, steps and start, and the reference before and after.
 
     The reference is a direction (3,) or, from gimbals, an attitude (3, 3) whose columns turn alike.
     """
 
-    reading: list[Array]
-    step: list[Array]
+    reading: list[Array]  # (n, 3) of each turn, SI or counts
+    step: list[Array]  # (n,) s
     start: Array  # (m,) s
     before: Array  # (m, 3, k)
     after: Array  # (m, 3, k)

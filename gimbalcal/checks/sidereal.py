@@ -134,6 +134,19 @@ def measured_latitude(recording: Recording) -> float | None:
     return latitude_of(recording.triad(FORCE)) if _refuse_inertial(recording) and complete else None
 
 
+def excess_rate_of_platform(r: Recording) -> float:
+    """Return the share by which the platform gimbal turns faster than the Earth, daily and half-daily errors aside.
+
+    It is 0 where the gimbal was not read, or for less than half a turn.
+    """
+    angle, phase = r.channels.get(PLATFORM), EARTH_RATE * r.time
+    if angle is None or np.ptp(phase) < np.pi:
+        return 0.0
+    daily = [f(k * angle) for k in (1, 2) for f in (np.cos, np.sin)]
+    design = np.stack([phase, np.ones_like(phase), *daily], axis=1)
+    return float(np.linalg.lstsq(design, np.unwrap(angle - phase), rcond=None)[0][0])
+
+
 def _refuse_inertial(recording: Recording) -> bool:
     stated = recording.site.latitude is not None
     return recording.kind.stabilised and stated and recording.platform == SPACE_STABLE_INERTIAL

@@ -4,9 +4,10 @@ r"""Damped Gauss-Newton on linearised rows: the estimate with its joint covarian
 
 with :math:`\hat x_k` the least-squares solution of the rows linearised at x_k. Every linear model of this package takes
 h = 1; with a nonlinear constant among the parameters (a time constant, a period) h is halved until chi^2 falls, from
-four times that of the step before on, and the constant stays within the range that the rows can resolve. Where chi^2
-hardly falls in several short steps in a row, the iteration ends without having converged: the model does not describe
-such rows, as those of an angle of the wrong sign.
+four times that of the step before on, and the constant stays within the range that the rows can resolve. After a short
+step by which chi^2 hardly falls, the tolerance is that of late steps, since rounding may be all that is left. After
+several of them in a row the iteration ends without having converged: the model does not describe such rows, as those of
+an angle of the wrong sign.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ def gauss_newton(
 
     bounds (2, p): least and greatest value of each parameter, see `views.core.range_of_constants`; None for a model
     without nonlinear constants, whose steps are halved where they raise chi^2 only if `damped`. seen: as in `solve`.
-    arrived(step, x, solution): whether the step from x was small enough; diverged(x): whether to give up.
+    arrived(ordinal, x, solution): whether the step from x was small enough, which after `MAX_QUADRATIC_STEPS` may mean
+    less; diverged(x): whether to give up.
     """
     info = linearise(x)
     if damped or bounds is not None:  # else every step that returns what rows do not determine to its prior is halved
@@ -64,9 +66,9 @@ def gauss_newton(
     stalled, h = 0, 1.0
     for step in range(1, MAX_STEPS + 1):
         solution = solve_about(info, x, bounds, seen)
-        # a short step that gains nothing is as late as one beyond those that converge quadratically
-        late = step + MAX_QUADRATIC_STEPS * (stalled > 0)
-        if arrived(late, x, solution) or (late > MAX_QUADRATIC_STEPS and _is_rounding(info, x, solution.x)):
+        # after a short step that gained nothing, convergence is no longer quadratic either
+        ordinal = step + MAX_QUADRATIC_STEPS * (stalled > 0)
+        if arrived(ordinal, x, solution) or (ordinal > MAX_QUADRATIC_STEPS and _is_rounding(info, x, solution.x)):
             return Minimum(solution, x, info, step)
         if step == MAX_STEPS or stalled == MAX_STALLED_STEPS or diverged(solution.x):
             break

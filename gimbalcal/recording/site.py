@@ -52,11 +52,15 @@ def site_of(document: Document, kind: Kind) -> tuple[Site, tuple[str, ...]]:
             f"{document.where('site')}: a static run needs the latitude, because the Earth turns under the "
             'platform; write latitude = { value = ..., unit = "deg" } in [site]'
         )
-    if "gravity" in given:
-        site = with_gravity_stated(latitude, given.get("height"), given["gravity"], sigma)
-        site = replace(site, latitude_sigma=latitude_sigma or 0.0)
+    stated, height = "gravity" in given, given.get("height")
+    site = (
+        with_gravity_stated(latitude, height, given["gravity"], sigma)
+        if stated
+        else with_normal_gravity(latitude, height)
+    )
+    site = replace(site, latitude_sigma=latitude_sigma or 0.0)
+    if stated:
         return site, _odd_gravity(document, site) if kind.inertial else ()
-    site = replace(with_normal_gravity(latitude, given.get("height")), latitude_sigma=latitude_sigma or 0.0)
     columns = document.table("columns").values()
     weighed = any(isinstance(entry, dict) and entry.get("quantity") == "specific_force" for entry in columns)
     if latitude is not None or not weighed:
@@ -69,7 +73,10 @@ def site_of(document: Document, kind: Kind) -> tuple[Site, tuple[str, ...]]:
 def _stated_sigma(
     document: Document, table: dict[str, Any], name: str, quantity: str, si: str
 ) -> tuple[dict[str, Any], float | None]:
-    """Return [site] without the sigma of one of its entries, and this sigma in SI."""
+    """Return [site] without the sigma of one of its entries, and this sigma in SI; None where none is stated.
+
+    Raises InputError for a sigma that is negative, or no number in a unit of the quantity.
+    """
     entry = table.get(name)
     if not isinstance(entry, dict) or "sigma" not in entry:
         return table, None

@@ -68,14 +68,13 @@ class Readings:
         platform = self.recording.platform
         return linearise(platform, self.stimulus, effects, self.recording.kind, self.channels, self.value)
 
-    def rows_and_latitude(self, effects: Sequence[Effect] = ()) -> Rows:
-        """The rows about a model with their derivative by the latitude, an explicit parameter."""
+    def by_latitude(self) -> Array:
+        """Return the derivative (n, C, 1) of the readings of error-free sensors by the latitude, SI per rad."""
         site = self.recording.site
         assert site.latitude is not None  # a static run is refused without it
         moved = replace(self.recording, site=replace(site, latitude=site.latitude + LATITUDE_STEP_RAD))
-        there = replace(self, recording=moved, stimulus=stimulus_from_readings(moved)).predicted(effects)
-        change = difference(there, self.predicted(effects), self.channels)
-        return replace(self.rows(effects), nuisance=change[..., None] / LATITUDE_STEP_RAD)
+        there = replace(self, recording=moved, stimulus=stimulus_from_readings(moved)).predicted()
+        return difference(there, self.predicted(), self.channels)[..., None] / LATITUDE_STEP_RAD
 
     def predicted(self, effects: Sequence[Effect] = ()) -> Array:
         """Return the readings (n, C) that the model predicts."""
@@ -155,16 +154,20 @@ def view_of_readings(
     local = None
     if setting is not None:
         local = Local(visit, s.readout.shape[1], setting, lambda rows: rows.sensitivity(Stage.ENCODER), off)
-    uncertain = recording.kind.stabilised and recording.site.latitude_sigma > 0
-    return View(
+    view = View(
         STATIC_RUN if recording.kind.stabilised else POSITIONS, channels=read.channels, **recording_fields(recording),
-        stimulus=s, evaluate=read.rows_and_latitude if uncertain else read.rows, stages=frozenset(Stage), noise=noise,
-        label=s.position,
-        nuisances=(nuisance("latitude", "", "deg", recording.site.latitude_sigma),) if uncertain else (),
+        stimulus=s, evaluate=read.rows, stages=frozenset(Stage), noise=noise, label=s.position,
         baseline=tuple(baseline) or recording.kind.baseline,
         groups=np.arange(n) * FOLDS // n if recording.kind.stabilised else s.visit,
         local=local,
-    ).without_nuisances()  # fmt: skip
+    )  # fmt: skip
+    if not recording.kind.stabilised or recording.site.latitude_sigma == 0:
+        return view
+    derivative, latitude = read.by_latitude(), nuisance("latitude", "", "deg", recording.site.latitude_sigma)
+    uncertain = replace(
+        view, nuisances=(latitude,), evaluate=lambda effects: replace(read.rows(effects), nuisance=derivative)
+    )
+    return uncertain.without_nuisances()
 
 
 def at_rest(recording: Recording) -> Recording:
