@@ -362,7 +362,7 @@ def first_runs(rows: Sequence[str]) -> str:
     lines = [f"| {v} | {counts[v]} |" for v in VERDICTS]
     return "\n".join([
         "| first run | recordings |", "|---|---|", *lines, "",
-        f"{silently} of the wrong runs are so silently; {false_reason} recordings are refused for a false reason.",
+        f"{silently} of the wrong runs are silent; {false_reason} recordings are refused for a false reason.",
     ])  # fmt: skip
 
 

@@ -60,8 +60,8 @@ def costs_of_unit(time: Array) -> dict[str, tuple[float, str]]:
     r"""Return how unlikely each unit of a clock (n,) is by its step, in nats, and why.
 
     Inertial sensors are logged at some 100 Hz, a decade more or less, :math:`\frac{1}{2} \log_{10}^2 (f / 100)`,
-    seldom in minutes or hours, and for a second at least; no clock counts more than
-    `MAX_AGE_S`. Raises InputError for a clock that stands still.
+    seldom in minutes or hours, and for a second at least; no clock counts from before the year 0. Raises InputError for
+    a clock that stands still.
     """
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if step <= 0:

@@ -187,8 +187,9 @@ def one_axis_run(path: Path, table: Table, title: str) -> PointingRun | None:
     turns = max(np.ptp(read), np.ptp(true)) > np.radians(360)
     if len(angles) > 2 and not counts and any(is_anonymous(n) for n in pairs[0]):
         raise InputError(
-            f"{path}: columns {first} and {second} go together, but stand among others, and nothing calls them angles; "
-            "name them where they are, as cmd_deg meas_deg, or the others, time acc_x acc_y acc_z"
+            f"{path}: columns {first} and {second} go together, but there are others, and no name says that these two "
+            "are angles; name them if they are, such as cmd_deg meas_deg, or name the others, such as time acc_x acc_y "
+            "acc_z"
         )
     if turns and not signal and not 1 / MAX_RATIO < abs(ratio) < MAX_RATIO:
         remedy = (

@@ -61,7 +61,7 @@ from gimbalcal.recording.dwell import UP_AND_DOWN, Dwell, in_several_attitudes, 
 from gimbalcal.recording.frames import Rig
 from gimbalcal.recording.record import ANGLE, FORCE, RATE
 
-SELF_DESCRIBING = {  # and what a line of such a file begins with, if not every one has it
+SELF_DESCRIBING = {  # its importer, and what marks a file of this kind although it is refused: the start of a line
     "TPOINT's observations": (import_tpoint, re.compile(r"\s*:\s*(ALTAZ|EQUAT)", re.IGNORECASE)),
     "a pointing run of the MMT": (import_mmt, re.compile("RAA:")),
 }

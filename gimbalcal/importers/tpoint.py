@@ -84,8 +84,8 @@ def import_tpoint(files: Sequence[Path], options: Mapping[str, str]) -> Recordin
     if not file.upright or "azimuth" in options:
         return run
     assumed = (
-        f"{path}: azimuths are taken from south through east, as TPOINT counts, nothing in it says so; where they "
-        "run from north, convert it by `gimbalcal import tpoint --set azimuth=north`"
+        f"{path}: azimuths are taken to run from south through east, as in TPOINT, since nothing in the file states "
+        "it; where they run from north, import it by `gimbalcal import tpoint --set azimuth=north`"
     )
     return replace(run, remarks=(*run.remarks, assumed))
 

@@ -281,7 +281,8 @@ def test_a_shock_begins_in_the_middle_of_where_the_data_allow_it():
 def test_a_square_wave_between_the_frequencies_of_the_grid_is_found_to_the_noise(cycles):
     """Half cycles are on the grid. A pulse that begins there ends at up to 3.9 times the noise; by a simplex at 1.4.
 
-    A lattice about one point alone ends at up to 1.9, at 3 cycles on some processors only: equal points are many.
+    From one point alone a lattice ends at up to 1.9 times the noise; at 3 cycles it does so only on some processors,
+    as many points explain the same but for rounding.
     """
     v = Variable("time", "s", np.linspace(0.0, 3600.0, 120), "", "time", 1800.0, 0.0)
     g, noise = ground_of(v, 4.0 * np.sign(np.cos(2 * np.pi * cycles * v.x / 3600.0 + 0.3)))
