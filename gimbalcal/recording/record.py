@@ -67,14 +67,14 @@ ANGLES = ("gimbal_angle", "attitude_error", "true_angle")
 class Site:
     """The site of a rig: latitude and its sigma [rad], height [m], gravity and its sigma [m/s^2].
 
-    The latitude is None where it was not given.
+    The latitude is None where it was not given, and its sigma where none was stated.
     """
 
     latitude: float | None = None
     height: float = 0.0
     gravity: float = G0
     gravity_sigma: float = 0.0
-    latitude_sigma: float = 0.0
+    latitude_sigma: float | None = None
 
 
 UNKNOWN_SITE = Site(gravity_sigma=0.015)

@@ -11,6 +11,8 @@ from dataclasses import replace
 from math import pi
 from typing import Any
 
+import numpy as np
+
 from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.errors import InputError
 from gimbalcal.recording.document import Document
@@ -18,6 +20,7 @@ from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import UNKNOWN_SITE, Site
 
 POLE = pi / 2 * (1 + 1e-12)
+ARC_MINUTE = np.radians(1 / 60)
 RANGES = {  # SI, lowest and highest value, and what is wrong beyond
     "latitude": (-POLE, POLE, "is beyond 90 deg; give it between -90 and 90 deg, or correct its unit"),
     # from the deepest trench to the edge of space
@@ -58,13 +61,14 @@ def site_of(document: Document, kind: Kind) -> tuple[Site, tuple[str, ...]]:
         if stated
         else with_normal_gravity(latitude, height)
     )
-    site = replace(site, latitude_sigma=latitude_sigma or 0.0)
+    site = replace(site, latitude_sigma=latitude_sigma)
+    remarks = _exact_latitude(document, site) if kind.stabilised else ()
     if stated:
-        return site, _odd_gravity(document, site) if kind.inertial else ()
+        return site, (*remarks, *(_odd_gravity(document, site) if kind.inertial else ()))
     columns = document.table("columns").values()
     weighed = any(isinstance(entry, dict) and entry.get("quantity") == "specific_force" for entry in columns)
     if latitude is not None or not weighed:
-        return site, ()
+        return site, remarks
     off = 1e6 * site.gravity_sigma / G0
     remark = f"{document.path}: neither gravity nor latitude is given in [site]; standard gravity {G0} m/s^2 is used"
     return site, (f"{remark}, good to {off:.0f} ppm, which every scale factor takes over",)
@@ -85,6 +89,19 @@ def _stated_sigma(
     if sigma < 0:
         raise InputError(f"{document.where('site', name)}: the sigma of {name} is {sigma:g} {si}; give 0 or more")
     return {**table, name: {k: v for k, v in entry.items() if k != "sigma"}}, sigma
+
+
+def _exact_latitude(document: Document, site: Site) -> tuple[str, ...]:
+    """Return a remark where nobody states how well the latitude L of a static run is known: the rows do not show it.
+
+    The level part of gravity in platform axes is g cos L, so that an error of L is one of the scale factors of x and y,
+    tan L times as large.
+    """
+    if site.latitude is None or site.latitude_sigma is not None:
+        return ()
+    moved = f"the scale factors of x and y by {1e6 * ARC_MINUTE * abs(np.tan(site.latitude)):.0f} ppm"
+    remark = f"{document.where('site', 'latitude')}: the latitude is taken as exact; an error of 1 arcmin moves {moved}"
+    return (f"{remark}: write its sigma next to its unit, 0 where it is exact",)
 
 
 def _odd_gravity(document: Document, site: Site) -> tuple[str, ...]:

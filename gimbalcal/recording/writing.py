@@ -126,14 +126,14 @@ def _site(site: Site) -> list[str]:
     if site.latitude is not None:
         lines.append(f"latitude = {_with_sigma(site.latitude, site.latitude_sigma, 'deg')}")
     if site != UNKNOWN_SITE:  # nobody has said where it is: better to say so again on reading
-        g = _with_sigma(site.gravity, site.gravity_sigma, "m/s^2")
+        g = _with_sigma(site.gravity, site.gravity_sigma or None, "m/s^2")
         lines += [f"height = {_toml_number(site.height, 'm')}", f"gravity = {g}"]
     return lines
 
 
-def _with_sigma(value: float, sigma: float, unit: str) -> str:
-    """Return a number in SI in this unit, and its sigma where there is one."""
-    stated = f", sigma = {float(from_si(sigma, unit))!r}" if sigma else ""
+def _with_sigma(value: float, sigma: float | None, unit: str) -> str:
+    """Return a number in SI in this unit, and its sigma where one is stated."""
+    stated = "" if sigma is None else f", sigma = {float(from_si(sigma, unit))!r}"
     return _toml_number(from_si(value, unit), unit).replace(", unit", f"{stated}, unit")
 
 

@@ -256,7 +256,8 @@ def _site(scenario: Scenario) -> Site:
     gravity = place.gravity
     if gravity is None:
         gravity = G0 if place.latitude is None else float(normal_gravity(place.latitude, place.height))
-    return Site(place.latitude, place.height, gravity)
+    exact = 0.0 if scenario.recording_kind.stabilised else None  # of other kinds nothing takes a sigma into account
+    return Site(place.latitude, place.height, gravity, latitude_sigma=exact)
 
 
 def _units(channels: Mapping[Key, Array]) -> dict[Key, str]:

@@ -161,7 +161,7 @@ def view_of_readings(
         groups=np.arange(n) * FOLDS // n if recording.kind.stabilised else s.visit,
         local=local,
     )  # fmt: skip
-    if not recording.kind.stabilised or recording.site.latitude_sigma == 0:
+    if not recording.kind.stabilised or not recording.site.latitude_sigma:
         return view
     derivative, latitude = read.by_latitude(), nuisance("latitude", "", "deg", recording.site.latitude_sigma)
     uncertain = replace(

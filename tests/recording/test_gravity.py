@@ -1,5 +1,6 @@
 """The sigmas of gravity and latitude: of the ellipsoid, as stated, and where the stated value is anomalous."""
 
+import re
 import tomllib
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ from gimbalcal.recording import read, write
 from gimbalcal.recording.site import ANOMALY, UNKNOWN_HEIGHT, gravity_anomaly, with_gravity_stated, with_normal_gravity
 from gimbalcal.simulate import simulate
 from gimbalcal.simulate.scenario import find
+from gimbalcal.views.known_attitude import readings
 
 L = np.deg2rad(48.0)
 HERE = float(normal_gravity(L, 500.0))
@@ -45,6 +47,18 @@ def test_the_sigma_of_a_latitude_is_read_and_written_with_a_static_run(tmp_path)
     header.write_text(header.read_text(encoding="utf-8").replace("sigma = 0.001", "sigma = -0.001"), encoding="utf-8")
     with pytest.raises(InputError, match="the sigma of latitude is"):
         read(tmp_path / "run")
+
+
+def test_a_latitude_without_a_sigma_is_said_to_be_taken_as_exact(tmp_path):
+    static, _ = simulate(shorter("wu2018-static"), 1)
+    write(static, tmp_path / "exact")
+    assert not read(tmp_path / "exact").remarks
+    write(replace(static, site=replace(static.site, latitude_sigma=None)), tmp_path / "run")
+    (remark,) = read(tmp_path / "run").remarks
+    run = readings(static)
+    moved = run.by_latitude()[:, run.columns("specific_force")[0], 0] * np.radians(1 / 60)
+    level = np.max(np.abs(moved)) / (static.site.gravity * np.cos(static.site.latitude))
+    assert float(re.search(r"by (\d+) ppm", remark)[1]) == pytest.approx(1e6 * level, rel=0.01)
 
 
 def test_a_sigma_of_the_latitude_that_nothing_takes_into_account_is_refused(tmp_path):
