@@ -28,11 +28,13 @@ from gimbalcal.diagnose.laws.expressions import (
     COEFFICIENTS,
     ONSETS,
     ORDERS,
+    PHASE,
     POWERS,
     PRODUCT_FORMS,
     SINGLE_FORMS,
     Expression,
     Family,
+    K,
     TermGroup,
     families,
     free_tables,
@@ -53,8 +55,9 @@ REFINED_COUNTS = (20, 16, 4)  # of these, the best of one, two and three terms a
 EXTENDED_COUNTS = (6, 6, 0)  # of these, richer forms are tried in the place of theirs
 SHARE_OF_TRIADS = 3  # by which these numbers are divided for laws of all axes
 LATTICE_SIZES = 0.75 ** np.arange(12)  # of the first step of a constant, from one refinement of a jump to the next
-LATTICE_POINTS = 4  # from which a refinement of jumps goes on: from one alone it often misses the best
+LATTICE_POINTS = 2  # from which a refinement of jumps goes on: from one alone it sometimes misses the best
 SAME_GAIN = 1e-6  # nats by which rounding changes what is explained where no row lies between two constants
+MIDDLE_ROUNDS = 2  # in which each constant is put in the middle of the places that explain the same
 DIFFERENCE = 1e-4  # of the first step of a constant: for derivatives
 SETTLED, GAIN, MOST_STEPS = 1e-3, 1e-6, 30  # of the first step, and of the misfit, at which a refinement has arrived
 CHUNK = 100  # families at a time
@@ -616,7 +619,19 @@ class _Move:
 
 
 def _moved_expression(e: Expression, moves: Sequence[_Move], u: Sequence[float] | Array) -> Expression:
-    return e.at([m.at(float(x)) for m, x in zip(moves, u, strict=True)])
+    """Return the expression with its constants moved by u.
+
+    A frequency k turns about the middle of its variable, where the phase k x + phi stays: moved alone, it would shift
+    all that lies far from zero, and only a change of phi as well could put that back.
+    """
+    changed = {(i, j): x for i, j, x in (m.at(float(x)) for m, x in zip(moves, u, strict=True))}
+    for m in moves:
+        term, phase = e.terms[m.i], (m.i, m.j + 1)
+        if term.form.constants[m.j : m.j + 2] == (K, PHASE):
+            x = term.variable.x
+            turned = (changed[m.i, m.j] - m.value) * (x.min() + x.max()) / 2
+            changed[phase] = changed.get(phase, term.constants[m.j + 1]) - float(turned)
+    return e.at([(i, j, x) for (i, j), x in changed.items()])
 
 
 def _refined_expression(response: BlockResponse, e: Expression) -> Expression:
@@ -651,18 +666,28 @@ def _with_moved_thresholds(response: BlockResponse, e: Expression) -> Expression
 def _by_lattice(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:
     """Return the best constants of what jumps, which has no derivatives, on lattices about the best that shrink.
 
-    Their steps are of one constant or of two, as the phase of a pulse follows its frequency.
+    Their steps are of one constant or of two, as the phase of a pulse follows its frequency. Where no row lies between
+    two places of a jump they explain the same, and the middle of all that do errs least.
     """
     steps = np.array([m.step for m in moves])
     signs = np.array([d for d in itertools.product((0, 1, -1), repeat=len(moves)) if np.count_nonzero(d) <= 2])
     best = np.zeros((1, len(moves)))
+
+    def gains(tried: Array) -> Array:
+        columns = np.stack([response.means_of(_moved_expression(e, moves, u)) for u in tried], axis=-1)
+        return likelihood_gains(response, columns).sum(axis=0)
+
     for size in LATTICE_SIZES:
         tried = (best[:, None] + size * steps * signs).reshape(-1, len(moves))
-        columns = np.stack([response.means_of(_moved_expression(e, moves, u)) for u in tried], axis=-1)
-        gains = likelihood_gains(response, columns).sum(axis=0)
-        _, first = np.unique(np.round(-gains / SAME_GAIN), return_index=True)
+        _, first = np.unique(np.round(-gains(tried) / SAME_GAIN), return_index=True)
         best = tried[first[:LATTICE_POINTS]]
-    return best[0]
+    middle, most = best[0], float(gains(best[:1])[0])
+    for one in [*np.diag(steps)] * MIDDLE_ROUNDS:
+        ways = middle + np.concatenate([LATTICE_SIZES[::-1], -LATTICE_SIZES[::-1]])[:, None] * one
+        alike = np.split(np.abs(gains(ways) - most) < SAME_GAIN, 2)
+        above, below = (float(LATTICE_SIZES[::-1][np.logical_and.accumulate(way)].max(initial=0.0)) for way in alike)
+        middle = middle + (above - below) / 2 * one
+    return middle
 
 
 def _by_derivatives(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:
