@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gimbalcal.number import Array
-from gimbalcal.rotation import frame_rotation, tilt_rotation
+from gimbalcal.rotation import frame_rotation, tilt_rotation, within_half_turn
 
 
 @dataclass(frozen=True)
@@ -140,3 +140,20 @@ STABILISED = KNOWN | {"space-stable": SPACE_STABLE_INERTIAL}
 def known_platform(name: str, stabilised: bool = False) -> Platform | None:
     """Return the known platform of that name; one that is stable in inertial space reads inertial angles (Eq. (4))."""
     return (STABILISED if stabilised else KNOWN).get(name)
+
+
+def zeros_of_axes(readout: Array, star: Array) -> Array:
+    r"""Return zeros (k,) [rad] that bring readouts (n, k) of a mount near its stars (n, k): median misses of each axis.
+
+    A mount of two axes, innermost first, sees one direction at two pairs of angles,
+
+    .. math:: (\theta_1, \theta_2) \quad\text{and}\quad (\pi - \theta_1, \; \theta_2 + \pi) ;
+
+    that of each star whose inner angle is nearer to the readout is taken, as half of the stars may be seen plunged.
+    """
+    if readout.shape[1] == 2:
+        other = np.array([np.pi, 0.0]) + np.array([-1.0, 1.0]) * star + np.array([0.0, np.pi])
+        miss = np.abs(within_half_turn(np.stack([star, other])[:, :, 0] - readout[:, 0]))
+        star = np.where((miss[1] < miss[0])[:, None], other, star)
+    off = star - readout
+    return np.asarray(np.angle(np.median(np.cos(off), axis=0) + 1j * np.median(np.sin(off), axis=0)))

@@ -24,6 +24,7 @@ from gimbalcal.checks.input_errors import (
     successful_trials,
 )
 from gimbalcal.number import Array
+from gimbalcal.platform import zeros_of_axes
 from gimbalcal.recording.record import ANGLE, Recording
 
 STAR = "true_angle"
@@ -50,9 +51,7 @@ class Sky:
     def separation(self, correction: Correction) -> tuple[float, float]:
         """Return median angles [rad] between the mount, with the zeros that fit best, and its stars; and of these."""
         read, star = correction.of(ANGLE, self.read), correction.of(STAR, self.star)
-        off = star - read
-        zero = np.angle(np.median(np.cos(off), axis=0) + 1j * np.median(np.sin(off), axis=0))
-        looked, there = (self.direction(angle) for angle in (read + zero, star))
+        looked, there = (self.direction(angle) for angle in (read + zeros_of_axes(read, star), star))
         return _angle_between(looked, there), _angle_between(there, np.roll(there, 1, axis=0))
 
     def direction(self, angle: Array) -> Array:

@@ -8,6 +8,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from gimbalcal.guess.log import Guess
+from gimbalcal.quantities import QUANTITIES
 from gimbalcal.recording.record import FORCE, RATE
 
 AXIS = {"x": "x", "y": "y", "z": "z", "0": "x", "1": "y", "2": "z"}
@@ -224,8 +225,9 @@ def by_name(name: str, hint: str = "") -> Guess | None:
     if (timed := _time(words)) is not None or (timed := _time(member)) is not None:
         return Guess("time", "", timed, why)
     if _TEMPERATURE.search(words) and not NOT_A_TRIAD.intersection(words.split("_")):
-        unit = unit_written(words) or "degC"
-        return None if unit == "count" else Guess("temperature", "", unit, why)
+        unit = unit_written(words)
+        known = unit if unit in QUANTITIES["temperature"].units else "degC"  # temp_h is that of a hygrometer
+        return None if unit == "count" else Guess("temperature", "", known, why)
     if _POSITION.match(words):
         return Guess("position", "", "", why)
     if (increment := _increment(words, why)) is not None:

@@ -258,9 +258,13 @@ def _rank_as_force(triple: Sequence[Array], aligned: bool) -> tuple[bool, bool, 
 
 
 def _unevenness(triple: Sequence[Array]) -> float:
-    """Return by how much the scatter from row to row differs between three columns, in nats."""
+    """Return by how much the scatter from row to row differs between three columns, in nats.
+
+    Less than a tenth of a step of their quantisation shows no scatter: a level between two steps leaves one rarely.
+    """
     scatter = [float(np.mean(np.abs(np.diff(x)))) for x in triple]
-    return float(np.ptp(np.log(np.maximum(scatter, 1e-3 * max(*scatter, 1e-300)))))
+    least = max(0.1 * max(map(quantum, triple)), 1e-3 * max(scatter), 1e-300)
+    return float(np.ptp(np.log(np.maximum(scatter, least))))
 
 
 def _may_be_force(triple: Sequence[Array]) -> bool:

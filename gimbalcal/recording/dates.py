@@ -31,12 +31,12 @@ def names_iso(unit: object) -> bool:
 def is_date(cell: str) -> bool:
     """Return whether a cell is a date, or a time of day, and no number.
 
-    >>> is_date("2026-11-18 05:33:10,25"), is_date("05:33:10"), is_date("20261118")
-    (True, True, False)
+    >>> is_date("2026-11-18 05:33:10,25"), is_date("05:33:10"), is_date("20261118_053310"), is_date("20261118")
+    (True, True, True, False)
     """
     import polars as pl
 
-    if ":" not in cell and "-" not in cell.strip()[1:]:
+    if cell.strip().replace(",", ".").replace(".", "", 1).isdecimal():
         return False  # 0533 is a number
     return bool(pl.Series([cell]).str.contains(_PARTS).item())
 

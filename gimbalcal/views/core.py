@@ -28,6 +28,7 @@ from gimbalcal.effects.sensor_grades import Grade, drift_rate_factor
 from gimbalcal.errors import InputError
 from gimbalcal.forward import Rows
 from gimbalcal.number import Array
+from gimbalcal.platform import zeros_of_axes
 from gimbalcal.recording import Recording
 from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import FORCE, RATE, Key, since_power_up
@@ -194,6 +195,18 @@ class View:
     def baseline_parameters(self) -> tuple[Parameter, ...]:
         """The parameters of the effects that the model holds."""
         return tuple(p for i in self.baseline for p in self.parameters_of(i))
+
+    def starting_values(self, wanted: Sequence[Parameter]) -> Array:
+        """Return values (p,) from which a fit begins: of a mount, whose axes count from anywhere, zeros near its stars.
+
+        The model is linear about small errors alone.
+        """
+        zeros = dict[str, float]()
+        if self.kind.sighting and self.stimulus.true_angle is not None:
+            read = self.gimbals_with_readout
+            best = zeros_of_axes(self.stimulus.readout[:, read], self.stimulus.true_angle[:, read])
+            zeros = dict(zip((self.stimulus.axis_names[i] for i in read), best.tolist(), strict=True))
+        return np.array([zeros.get(p.axis, 0.0) if p.effect == "gimbal_zero" else p.mean for p in wanted])
 
     def time_history_of_sensor(self, quantity: str, axis: str) -> Array:
         """Return columns (n, C, HISTORY_COSINES) of a sensor that is no channel: cosines of its time history."""

@@ -64,6 +64,7 @@ def test_triads_are_known_by_their_names_in_other_languages(force, rate):
         ("specific_force", "x"), ("angular_rate", "x"),
     ]  # fmt: skip
     assert by_name("Tempo [ms]").quantity == "time"
+    assert (by_name("temp_h").unit, by_name("temp_f").unit) == ("degC", "degF")  # of a hygrometer, not in hours
     assert (quantity_of_log("acelerometro_1"), quantity_of_log("giroscopio")) == ("specific_force", "angular_rate")
 
 
@@ -73,6 +74,22 @@ def test_the_day_of_a_date_is_no_clock():
     columns = {"1": np.full(600, 14.0), "2": 26 + row // 240, **{k: rng.standard_normal(600) for k in "345"}}
     assert "2" not in by_order(columns)
     assert by_order(columns | {"2": np.floor(row / 50)})["2"].quantity == "time"  # of whole seconds
+
+
+def test_accelerometers_of_coarse_steps_are_the_forces_although_one_hardly_changes():
+    """Two gyroscopes and the magnetometer x behind them were forces in ft/s^2, 27 % off gravity."""
+    rng, row = np.random.default_rng(1), np.arange(180)
+    force = [
+        np.where(row == 90, -0.01, 0.0),
+        *(np.round(x + 6e-3 * rng.standard_normal(180), 2) for x in (-0.055, 1.014)),
+    ]
+    scatter = (0.13, 0.3, 0.11, 0.48, 0.35, 0.77)  # deg/s, and uT
+    others = [np.round(level + s * rng.standard_normal(180), 2)
+              for level, s in zip((0.22, -0.03, 0.29, 23.5, 6.05, -51.2), scatter, strict=True)]  # fmt: skip
+    others[1] += np.round(8.0 * np.exp(-(((row - 60) / 2) ** 2)), 2)  # a knock
+    columns = [1.6e9 + np.floor(row / 13), *force, *others]
+    found = by_order({str(i): x for i, x in enumerate(columns, start=1)})
+    assert [found[i].quantity for i in "234567"] == 3 * ["specific_force"] + 3 * ["angular_rate"]
 
 
 def dialect(path, seed, t, f, w):

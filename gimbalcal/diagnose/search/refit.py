@@ -161,7 +161,7 @@ def refuse_too_little(title: str, Z: Array) -> None:
 def start_with_baseline(v: View) -> Fit:
     """Fit the baseline alone; where it leaves nothing of a channel, this one shows no scale, and all have one."""
     wanted = v.baseline_parameters
-    m = refit(v, with_values((), wanted, np.zeros(len(wanted)), v.stimulus.axis_names), wanted)
+    m = refit(v, with_values((), wanted, v.starting_values(wanted), v.stimulus.axis_names), wanted)
     if v.noise.scale_known or distinguishable((m.residual**2).sum(axis=0), np.full(len(v.channels), float(len(v)))):
         return m
     return replace(m, view=m.view.of_one_scale())

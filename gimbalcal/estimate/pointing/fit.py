@@ -19,7 +19,7 @@ from gimbalcal.estimate.fit import ViewsFit, fit
 from gimbalcal.number import Array
 from gimbalcal.platform import Platform
 from gimbalcal.views.core import View
-from gimbalcal.views.pointing import STAGES, read_axes
+from gimbalcal.views.pointing import STAGES
 
 MIN_SIGNAL = 0.01  # prior sigmas over noise: a mount's errors are up to a hundred times the catalogue's scales
 MIN_SIGMA_RAD = 1e-9  # rad; stars better than 0.2 mas are made up: their scatter tells no sigma
@@ -112,11 +112,6 @@ def fit_terms(
             f"{number_of(stars, 'star')} cannot tell {number_of(len(wanted), 'term')}: observe more, or "
             "name fewer --terms"
         )
-    angles, zeros = runs[0].source.channels, {}
-    for a in read_axes(runs[0].source):  # the median miss, within half a turn
-        d = angles["true_angle", a] - angles["gimbal_angle", a]
-        zeros[a] = float(np.angle(np.median(np.cos(d)) + 1j * np.median(np.sin(d))))
-    start = np.array([zeros.get(p.axis, 0.0) if p.effect == "gimbal_zero" else p.mean for p in wanted])
     views = (
         runs
         if sigma is None
@@ -124,7 +119,9 @@ def fit_terms(
             replace(v, noise=replace(v.noise, sigma=sigma * np.asarray(v.noise.sigma), scale_known=True)) for v in runs
         ]
     )
-    fitted = fit(views, wanted, absent, start, min_signal=MIN_SIGNAL, min_excess=MIN_SIGMA_RAD)
+    fitted = fit(
+        views, wanted, absent, runs[0].starting_values(wanted), min_signal=MIN_SIGNAL, min_excess=MIN_SIGMA_RAD
+    )
     if not fitted.steps:
         raise InputError(
             f"the terms of {runs[0].title!r} do not settle: star and readout disagree by too much for small errors; "

@@ -44,6 +44,28 @@ def test_terms_come_back_with_honest_sigmas(mount, truth, noise):
     assert made.provenance["noise"]["star_arcsec"] == pytest.approx(noise, rel=0.25)
 
 
+@pytest.mark.parametrize("zero_deg", [0.5, 100.0, -157.0])
+@pytest.mark.parametrize("plunged", [0, 2])  # each second star, if any
+@pytest.mark.parametrize("mount", [ALT_AZ, EQUATORIAL])
+def test_a_far_zero_and_plunged_stars_change_neither_terms_nor_verdict(mount, plunged, zero_deg):
+    angle = np.where(np.abs(e := sky(mount, 60)) > np.pi / 2, 0.4, e)
+    if plunged:
+        angle[::plunged] = np.array([np.pi, np.pi]) + np.array([-1.0, 1.0]) * angle[::plunged]
+    r = run(mount, angle, effects(mount, axis_collimation=60.0, base_tilt__east=-40.0), 2.0)
+    inner, outer = mount.axis_names[:2]
+    over = np.cos(r.channels["true_angle", inner]) < 0
+    seen = r.with_channels({  # stars as a catalogue gives them, and a readout that counts from elsewhere
+        ("true_angle", inner): np.where(over, np.pi - (up := r.channels["true_angle", inner]), up),
+        ("true_angle", outer): (r.channels["true_angle", outer] + np.pi * over) % (2 * np.pi),
+        ("gimbal_angle", outer): r.channels["gimbal_angle", outer] - np.radians(zero_deg),
+    })  # fmt: skip
+    made = pointing_calibration([seen])
+    value = dict(zip((p.label for p in made.parameters), made.values / ARCSEC, strict=True))
+    assert value[f"gimbal_zero:{outer}"] == pytest.approx(3600.0 * zero_deg, abs=20.0)
+    assert value["axis_collimation"] == pytest.approx(60.0, abs=10.0)
+    assert {f.effect for f in diagnose([seen]).findings} == {"base_tilt"}
+
+
 def test_exact_stars_give_exact_terms():
     made = pointing_calibration([run(EQUATORIAL, sky(EQUATORIAL), effects(EQUATORIAL, **AMATEUR))])
     np.testing.assert_allclose(made.values / ARCSEC, list(AMATEUR.values()), atol=1e-4)
