@@ -217,8 +217,9 @@ def of_tables(tables: Mapping[Path, Table], title: str, rate: float, place: Stat
             notes["further"] = f"{path.name}: {left_out_in_words(further)}"
         if not tables[path].named and not other.without("time").guesses:
             raise InputError(
-                f"{path}: its columns have no names, and their numbers are of no sensor; name them (temperature, "
-                "ref_qw, ref_qx, ref_qy, ref_qz of a reference, the angles of a rig), or leave the log out"
+                f"{path}: its columns have no names, and their numbers alone do not show what they are; name them "
+                "(gyro_x, gyro_y, gyro_z, temperature, ref_qw, ref_qx, ref_qy, ref_qz of a reference, the angles of a "
+                "rig), or leave the log out"
             )
         log = on_one_clock(path, log, other)
     left_out = tuple(name for each in read.values() for name in each.left_out)

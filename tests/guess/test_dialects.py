@@ -299,7 +299,7 @@ def test_a_rotation_matrix_and_the_quaternions_of_a_plane_turn_without_names_are
     assert attitude_columns({n: columns[n] for n in "123456"}) == []  # at rest and about one axis
     pose = np.column_stack([t, rng.normal([2.02, 0.99, -1.65], 1e-4, (900, 3)), C.as_quat()])
     np.savetxt(mocap, pose, fmt="%.9f", delimiter=",")
-    with pytest.raises(InputError, match="their numbers are of no sensor"):
+    with pytest.raises(InputError, match="their numbers alone do not show what they are"):
         propose_recording([imu, mocap])
     named.write_text("time,px,py,pz,ref_qx,ref_qy,ref_qz,ref_qw\n" + mocap.read_text())
     found = propose_recording([imu, named])
