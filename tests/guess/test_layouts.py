@@ -739,7 +739,10 @@ def test_a_second_log_of_which_nothing_is_known_is_not_dropped(tmp_path):
     first = rows(tmp_path / "imu.csv", "time [s],ax,ay,az,gx,gy,gz", t, *f.T, *w.T)
     place = np.random.default_rng(37).normal([-0.7, 1.0, -0.75, 0.0, 0.815, 0.22, 0.536], 1e-3, (500, 7))
     second = rows(tmp_path / "mocap.csv", "-0.01,-0.7,1.0,-0.75,0,0.815,0.22,0.536", t, *place.T)
-    with pytest.raises(InputError, match=r"mocap.csv: its columns have no names, .* name them \(temperature, ref_qw"):
+    with pytest.raises(
+        InputError,
+        match=r"mocap.csv: its columns have no names, .* name them \(gyro_x, gyro_y, gyro_z, temperature, ref_qw",
+    ):
         propose_recording([first, second])
 
 

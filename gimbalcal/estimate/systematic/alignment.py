@@ -174,6 +174,8 @@ OUTLIER_RATIO = 8.0  # to the median over turns
 MIN_TURNS = 4  # for one of them to be an outlier
 MAX_SCALE_ITERATIONS = 4
 NONLINEAR_SCALE_ERROR = 0.02  # beyond, the navigator is not linear from the start
+CLOCK_ERROR = 5e-3  # beyond, turns by a wrong clock show the Earth's axis at another latitude
+MAX_DIFFERENCE = 0.1  # of the scale errors of a triad that have one cause
 MIN_DRIFT_RATIO = 10.0  # to the median over turns: errors of the sensors are alike in all of them
 MIN_SPEED_M_S, MIN_DISTANCE_M = 0.2, 0.5  # less than this is a lever arm, or a hand
 
@@ -207,7 +209,14 @@ def gyro_scale_errors(segments: Segments, u: Array) -> Array:
             f"deg more or less than the gyroscopes say, which tell the {others} to {np.median(size):.2g} "
             "deg; samples were lost there, or wrong; cut the recording there and give the longer part"
         )
-    return np.where(np.abs(np.diag(M)) > NONLINEAR_SCALE_ERROR, np.diag(M), 0.0)
+    sizes = np.diag(M)
+    return sizes if of_the_clock(sizes) else np.where(np.abs(sizes) > NONLINEAR_SCALE_ERROR, sizes, 0.0)
+
+
+def of_the_clock(scale_errors: Array) -> bool:
+    """Return whether scale errors (3,) of gyroscopes are large and alike, as those of a wrong clock."""
+    sizes = np.abs(scale_errors)
+    return bool(sizes.min() > CLOCK_ERROR and np.ptp(scale_errors) <= MAX_DIFFERENCE * sizes.max())
 
 
 def _missed_gravity_angle(segments: Segments, u: Array, a: slice, b: slice, M: Array) -> tuple[Array, Array]:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gimbalcal.checks.input_errors import Correction, successful_trials
 from gimbalcal.errors import InputError
-from gimbalcal.estimate.systematic.alignment import NONLINEAR_SCALE_ERROR, align
+from gimbalcal.estimate.systematic.alignment import of_the_clock
 from gimbalcal.estimate.systematic.error_model import bias_processes
 from gimbalcal.estimate.systematic.filter_pass import GATE_NIS
 from gimbalcal.estimate.systematic.iterate import SystematicFit, iterate
 from gimbalcal.number import Array
+from gimbalcal.recording import Recording
 from gimbalcal.views.segments import Segments, segment
 
-MAX_DIFFERENCE = 0.1  # of the scale errors of a triad that have one cause
 MAX_SHARE = 0.2  # of the misfit, that a correction may leave
 MIN_SHARE = 0.8  # of the updates without use, that are in turns where the unit does not turn about its accelerometers
 MIN_EXCESS = 100.0  # chi^2 beyond its degrees of freedom, of which a cause can be named
@@ -48,34 +49,52 @@ def limitation_sentences(m: SystematicFit, sigmas: Array) -> list[str]:
 
 
 def suspected_error(m: SystematicFit) -> str:
-    """Return the likeliest input error behind a lack of fit as a clause; empty where none is likely."""
-    return _suspect_noise(m.segments) or _suspect_clock_or_latitude(m) or _lever_arm(m) or _bias_instability(m.segments)
+    """Return the likeliest input error behind a lack of fit as a clause; empty where none is likely.
+
+    A noise below the scatter at the stops is a fact, and is said whether or not it explains the misfit.
+    """
+    noise = _larger_noise(m.segments)
+
+    def excess(otherwise: Statement) -> float:
+        try:
+            again = iterate(segment(otherwise.recording), m.wanted, m.base_effects)
+        except InputError:
+            return np.inf
+        return _chi2_excess(again) if again.converged else np.inf
+
+    stated = min(_chi2_excess(m), excess(noise) if noise.words else np.inf)
+    tried = successful_trials(_corrections(m, noise), excess, MAX_SHARE * stated) if stated > MIN_EXCESS else ()
+    explaining = [trial.candidate.words for trial in tried if trial.misfit <= MAX_SHARE * stated]
+    return next(iter(explaining), noise.words) or _lever_arm(m) or _bias_instability(m.segments)
 
 
-def _suspect_noise(segments: Segments) -> str:
-    """Suspect a stated noise that is below the scatter at the stops."""
+@dataclass(frozen=True)
+class Statement:
+    """The recording as another header would state it, and a clause that says so."""
+
+    words: str
+    recording: Recording
+
+    def corrected(self, words: str, clock: float = 1.0, latitude: float | None = None) -> Statement:
+        """Return the statement with a further correction of the clock or the latitude."""
+        both = "; ".join(filter(None, (self.words, words)))
+        return Statement(both, Correction(words, clock=clock, latitude=latitude).corrected(self.recording))
+
+
+def _larger_noise(segments: Segments) -> Statement:
+    """Return the recording without stated noises that are below the scatter at the stops."""
+    source, small = segments.source, dict[str, str]()
     for k, (sensor, unit) in ((0, ("accelerometer", "m/s^2")), (3, ("gyroscope", "rad/s"))):
         stated, shown = float(segments.sigma[k]), float(np.sqrt(np.mean(segments.shown[k : k + 3] ** 2)))
         if segments.stated and shown > MAX_NOISE_RATIO * stated:
-            return (
+            small[sensor] = (
                 f"[noise] says {stated:.2g} {unit} a sample of the {sensor}, and the stops scatter by {shown:.2g} "
                 f"{unit}: correct it, or leave it out to have it taken from the stops"
             )
-    return ""
-
-
-def _suspect_clock_or_latitude(m: SystematicFit) -> str:
-    """Suspect the clock or the latitude, where the recording so corrected and fitted again is explained."""
-    stated = _chi2_excess(m)
-    if stated < MIN_EXCESS:
-        return ""
-
-    def misfit(correction: Correction) -> float:
-        again = iterate(segment(correction.corrected(m.segments.source)), m.wanted, m.base_effects)
-        return _chi2_excess(again) / stated if again.converged else np.inf
-
-    tried = successful_trials(_corrections(m), misfit, sufficient=MAX_SHARE)
-    return next((trial.candidate.words for trial in tried if trial.misfit <= MAX_SHARE), "")
+    return Statement(
+        "; ".join(small.values()),
+        replace(source, noise={sensor: sigma for sensor, sigma in source.noise.items() if sensor not in small}),
+    )
 
 
 def _chi2_excess(m: SystematicFit) -> float:
@@ -84,32 +103,24 @@ def _chi2_excess(m: SystematicFit) -> float:
     return float(max(m.last.calibrated.distance[used].sum() - 3 * np.count_nonzero(used), 0.0))
 
 
-def _corrections(m: SystematicFit) -> Iterator[Correction]:
+def _corrections(m: SystematicFit, noise: Statement) -> Iterator[Statement]:
     """Yield the clock with which scale errors that all gyroscopes share are none, and the latitude of the turns."""
     sizes = np.array([x for p, x in zip(m.wanted, m.theta, strict=True) if p.effect == "gyro_scale_factor"])
-    if (
-        len(sizes) == 3
-        and np.abs(sizes).min() > NONLINEAR_SCALE_ERROR
-        and np.ptp(sizes) <= MAX_DIFFERENCE * np.abs(sizes).max()
-    ):
+    if len(sizes) == 3 and of_the_clock(sizes):
         second = 1 + float(np.mean(sizes))
         off = 100 * (1 / second - 1)  # of what they read, where the scale factor is of what was there
-        yield Correction(
+        words = (
             f"all three gyroscopes read {abs(off):.3g} % too {'much' if off > 0 else 'little'} alike, and a clock "
-            f"whose second is {second:.4g} s explains it: correct the unit of the time, or the rate of the samples",
-            clock=second,
+            f"whose second is {second:.4g} s explains it: correct the unit of the time, or the rate of the samples"
         )
-    stated = m.segments.latitude
-    try:
-        observed = align(m.segments, m.u)
-    except InputError:  # calibrated readings do not show the Earth's rate
-        return
+        yield noise.corrected(words, clock=second)
+    stated, observed = m.segments.latitude, m.start  # before the constants were fitted to the stated latitude
     if abs(observed.latitude - stated) > MIN_LATITUDE_SIGMAS * observed.latitude_sigma:
-        yield Correction(
+        words = (
             f"a latitude of some {np.degrees(observed.latitude):.1f} deg instead of {np.degrees(stated):.4g} deg "
-            "would nearly explain it: correct [site]",
-            latitude=observed.latitude,
+            "would nearly explain it: correct [site]"
         )
+        yield noise.corrected(words, latitude=observed.latitude)
 
 
 def _bias_instability(segments: Segments) -> str:

@@ -132,6 +132,17 @@ def test_a_latitude_that_is_a_little_off_is_named():
     assert float(near[1]) == pytest.approx(34.2, abs=0.4)
 
 
+def test_a_clock_that_is_one_per_cent_off_is_no_latitude():
+    """With it the Earth's axis stands eight degrees higher."""
+    assert "a clock whose second is 0.99" in systematic(replace(SOUND, time=1.01 * SOUND.time), "30").outcome
+
+
+def test_a_stated_noise_that_is_too_small_hides_no_other_error():
+    site = replace(SOUND.site, latitude=np.radians(36.2))
+    off = replace(SOUND, site=site, noise={**NOISE, "accelerometer": 0.1 * NOISE["accelerometer"]})
+    assert "a latitude of some 34." in systematic(off, "30").outcome
+
+
 def test_a_noise_that_is_not_so_is_named():
     found = systematic(replace(SOUND, noise={**NOISE, "gyroscope": 1e-3 * NOISE["gyroscope"]}), "30")
     golden_text(found.outcome)
