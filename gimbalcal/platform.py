@@ -152,8 +152,8 @@ def zeros_of_axes(readout: Array, star: Array) -> Array:
     that of each star whose inner angle is nearer to the readout is taken, as half of the stars may be seen plunged.
     """
     if readout.shape[1] == 2:
-        other = np.array([np.pi, 0.0]) + np.array([-1.0, 1.0]) * star + np.array([0.0, np.pi])
-        miss = np.abs(within_half_turn(np.stack([star, other])[:, :, 0] - readout[:, 0]))
-        star = np.where((miss[1] < miss[0])[:, None], other, star)
+        other = np.pi + np.array([-1.0, 1.0]) * star
+        miss, plunged = (np.abs(within_half_turn((x - readout)[:, :1])) for x in (star, other))
+        star = np.where(plunged < miss, other, star)
     off = star - readout
     return np.asarray(np.angle(np.median(np.cos(off), axis=0) + 1j * np.median(np.sin(off), axis=0)))

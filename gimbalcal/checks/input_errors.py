@@ -124,7 +124,7 @@ class Correction:
 
     words: a clause that follows "if". matrices: by quantity, its axes and the matrix (k, k) that its columns, in that
     order, are multiplied by; offsets: by quantity of these, what is then added to its columns (k,) [SI]. clock: seconds
-    that one of the stated seconds really is. latitude [rad].
+    that one of the stated seconds really is. latitude [rad]. unstated: sensors whose noise is not stated then.
     """
 
     words: str
@@ -134,6 +134,7 @@ class Correction:
     clock: float = 1.0
     latitude: float | None = None
     platform: Platform | None = None
+    unstated: tuple[str, ...] = ()
 
     def of(self, quantity: str, values: Array) -> Array:
         """Return columns (n, k) of a quantity in the order of its axes, corrected."""
@@ -158,6 +159,7 @@ class Correction:
             time=recording.time if self.clock == 1 else self.clock * recording.time,
             platform=self.platform or recording.platform,
             site=replace(recording.site, latitude=latitude),
+            noise={sensor: sigma for sensor, sigma in recording.noise.items() if sensor not in self.unstated},
             channels=channels,
             scatter=scatter,
         )

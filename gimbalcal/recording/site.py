@@ -8,10 +8,8 @@ determination of geoid undulations and gravity anomalies", J. Geophys. Res. 86 (
 from __future__ import annotations
 
 from dataclasses import replace
-from math import pi
+from math import pi, radians, tan
 from typing import Any
-
-import numpy as np
 
 from gimbalcal.earth import G0, normal_gravity
 from gimbalcal.errors import InputError
@@ -20,7 +18,7 @@ from gimbalcal.recording.kinds import Kind
 from gimbalcal.recording.record import UNKNOWN_SITE, Site
 
 POLE = pi / 2 * (1 + 1e-12)
-ARC_MINUTE = np.radians(1 / 60)
+ARC_MINUTE = radians(1 / 60)
 RANGES = {  # SI, lowest and highest value, and what is wrong beyond
     "latitude": (-POLE, POLE, "is beyond 90 deg; give it between -90 and 90 deg, or correct its unit"),
     # from the deepest trench to the edge of space
@@ -99,7 +97,7 @@ def _exact_latitude(document: Document, site: Site) -> tuple[str, ...]:
     """
     if site.latitude is None or site.latitude_sigma is not None:
         return ()
-    moved = f"the scale factors of x and y by {1e6 * ARC_MINUTE * abs(np.tan(site.latitude)):.0f} ppm"
+    moved = f"the scale factors of x and y by {1e6 * ARC_MINUTE * abs(tan(site.latitude)):.0f} ppm"
     remark = f"{document.where('site', 'latitude')}: the latitude is taken as exact; an error of 1 arcmin moves {moved}"
     return (f"{remark}: write its sigma next to its unit, 0 where it is exact",)
 

@@ -197,9 +197,10 @@ class View:
         return tuple(p for i in self.baseline for p in self.parameters_of(i))
 
     def starting_values(self, wanted: Sequence[Parameter]) -> Array:
-        """Return values (p,) from which a fit begins: of a mount, whose axes count from anywhere, zeros near its stars.
+        """Return the values (p,) [SI] from which a fit begins.
 
-        The model is linear about small errors alone.
+        Those of the zeros of a mount bring its readouts near its stars: its axes may count from anywhere, and the model
+        is linear about small errors alone. All others are the means of their priors.
         """
         zeros = dict[str, float]()
         if self.kind.sighting and self.stimulus.true_angle is not None:

@@ -681,13 +681,20 @@ def _by_lattice(response: BlockResponse, e: Expression, moves: Sequence[_Move]) 
         tried = (best[:, None] + size * steps * signs).reshape(-1, len(moves))
         _, first = np.unique(np.round(-gains(tried) / SAME_GAIN), return_index=True)
         best = tried[first[:LATTICE_POINTS]]
-    middle, most = best[0], float(gains(best[:1])[0])
-    for one in [*np.diag(steps)] * MIDDLE_ROUNDS:
-        ways = middle + np.concatenate([LATTICE_SIZES[::-1], -LATTICE_SIZES[::-1]])[:, None] * one
-        alike = np.split(np.abs(gains(ways) - most) < SAME_GAIN, 2)
-        above, below = (float(LATTICE_SIZES[::-1][np.logical_and.accumulate(way)].max(initial=0.0)) for way in alike)
-        middle = middle + (above - below) / 2 * one
-    return middle
+    return _in_the_middle(gains, best[0], steps)
+
+
+def _in_the_middle(gains: Callable[[Array], Array], best: Array, steps: Array) -> Array:
+    """Return constants (k,) in the middle of those about the best that explain the same, one constant after the other.
+
+    gains: nats that choices of constants (m, k) take away of the misfit, (m,); steps (k,): how far is looked at most.
+    """
+    most, sizes = float(gains(best[None])[0]), LATTICE_SIZES[::-1]
+    for step in [*np.diag(steps)] * MIDDLE_ROUNDS:
+        same = [np.abs(gains(best + sizes[:, None] * way) - most) < SAME_GAIN for way in (step, -step)]
+        above, below = (float(sizes[np.logical_and.accumulate(each)].max(initial=0.0)) for each in same)
+        best = best + (above - below) / 2 * step
+    return best
 
 
 def _by_derivatives(response: BlockResponse, e: Expression, moves: Sequence[_Move]) -> Array:

@@ -181,9 +181,9 @@ MIN_SPEED_M_S, MIN_DISTANCE_M = 0.2, 0.5  # less than this is a lever arm, or a 
 
 
 def gyro_scale_errors(segments: Segments, u: Array) -> Array:
-    """Return large scale errors of the gyroscopes (3,) from forces and rates (n, 6); small ones as zero.
+    """Return large scale errors of the gyroscopes (3,), and those of a wrong clock, from forces and rates (n, 6).
 
-    Raises InputError for single turns that no errors of the gyroscopes explain.
+    Others are returned as zero. Raises InputError for single turns that no errors of the gyroscopes explain.
     """
     last = int(segments.stop.max())
     spans = [(segments.of_stop(k), segments.of_stop(k + 1)) for k in range(last)]

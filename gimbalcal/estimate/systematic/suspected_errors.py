@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from gimbalcal.estimate.systematic.error_model import bias_processes
 from gimbalcal.estimate.systematic.filter_pass import GATE_NIS
 from gimbalcal.estimate.systematic.iterate import SystematicFit, iterate
 from gimbalcal.number import Array
-from gimbalcal.recording import Recording
 from gimbalcal.views.segments import Segments, segment
 
 MAX_SHARE = 0.2  # of the misfit, that a correction may leave
@@ -53,37 +52,25 @@ def suspected_error(m: SystematicFit) -> str:
 
     A noise below the scatter at the stops is a fact, and is said whether or not it explains the misfit.
     """
-    noise = _larger_noise(m.segments)
+    noise = _without_small_noise(m.segments)
 
-    def excess(otherwise: Statement) -> float:
+    def excess(correction: Correction) -> float:
         try:
-            again = iterate(segment(otherwise.recording), m.wanted, m.base_effects)
+            again = iterate(segment(correction.corrected(m.segments.source)), m.wanted, m.base_effects)
         except InputError:
             return np.inf
         return _chi2_excess(again) if again.converged else np.inf
 
-    stated = min(_chi2_excess(m), excess(noise) if noise.words else np.inf)
-    tried = successful_trials(_corrections(m, noise), excess, MAX_SHARE * stated) if stated > MIN_EXCESS else ()
-    explaining = [trial.candidate.words for trial in tried if trial.misfit <= MAX_SHARE * stated]
-    return next(iter(explaining), noise.words) or _lever_arm(m) or _bias_instability(m.segments)
+    stated = min(_chi2_excess(m), excess(noise) if noise.unstated else np.inf)
+    candidates = _corrections(m) if stated > MIN_EXCESS else ()
+    tried = successful_trials(candidates, lambda c: excess(replace(c, unstated=noise.unstated)), MAX_SHARE * stated)
+    explaining = [t.candidate.words for t in tried if t.misfit <= MAX_SHARE * stated]
+    return "; ".join(filter(None, (noise.words, *explaining))) or _lever_arm(m) or _bias_instability(m.segments)
 
 
-@dataclass(frozen=True)
-class Statement:
-    """The recording as another header would state it, and a clause that says so."""
-
-    words: str
-    recording: Recording
-
-    def corrected(self, words: str, clock: float = 1.0, latitude: float | None = None) -> Statement:
-        """Return the statement with a further correction of the clock or the latitude."""
-        both = "; ".join(filter(None, (self.words, words)))
-        return Statement(both, Correction(words, clock=clock, latitude=latitude).corrected(self.recording))
-
-
-def _larger_noise(segments: Segments) -> Statement:
-    """Return the recording without stated noises that are below the scatter at the stops."""
-    source, small = segments.source, dict[str, str]()
+def _without_small_noise(segments: Segments) -> Correction:
+    """Return the correction that leaves stated noises out that are below the scatter at the stops."""
+    small = dict[str, str]()
     for k, (sensor, unit) in ((0, ("accelerometer", "m/s^2")), (3, ("gyroscope", "rad/s"))):
         stated, shown = float(segments.sigma[k]), float(np.sqrt(np.mean(segments.shown[k : k + 3] ** 2)))
         if segments.stated and shown > MAX_NOISE_RATIO * stated:
@@ -91,10 +78,7 @@ def _larger_noise(segments: Segments) -> Statement:
                 f"[noise] says {stated:.2g} {unit} a sample of the {sensor}, and the stops scatter by {shown:.2g} "
                 f"{unit}: correct it, or leave it out to have it taken from the stops"
             )
-    return Statement(
-        "; ".join(small.values()),
-        replace(source, noise={sensor: sigma for sensor, sigma in source.noise.items() if sensor not in small}),
-    )
+    return Correction("; ".join(small.values()), unstated=tuple(small))
 
 
 def _chi2_excess(m: SystematicFit) -> float:
@@ -103,7 +87,7 @@ def _chi2_excess(m: SystematicFit) -> float:
     return float(max(m.last.calibrated.distance[used].sum() - 3 * np.count_nonzero(used), 0.0))
 
 
-def _corrections(m: SystematicFit, noise: Statement) -> Iterator[Statement]:
+def _corrections(m: SystematicFit) -> Iterator[Correction]:
     """Yield the clock with which scale errors that all gyroscopes share are none, and the latitude of the turns."""
     sizes = np.array([x for p, x in zip(m.wanted, m.theta, strict=True) if p.effect == "gyro_scale_factor"])
     if len(sizes) == 3 and of_the_clock(sizes):
@@ -113,14 +97,14 @@ def _corrections(m: SystematicFit, noise: Statement) -> Iterator[Statement]:
             f"all three gyroscopes read {abs(off):.3g} % too {'much' if off > 0 else 'little'} alike, and a clock "
             f"whose second is {second:.4g} s explains it: correct the unit of the time, or the rate of the samples"
         )
-        yield noise.corrected(words, clock=second)
+        yield Correction(words, clock=second)
     stated, observed = m.segments.latitude, m.start  # before the constants were fitted to the stated latitude
     if abs(observed.latitude - stated) > MIN_LATITUDE_SIGMAS * observed.latitude_sigma:
         words = (
             f"a latitude of some {np.degrees(observed.latitude):.1f} deg instead of {np.degrees(stated):.4g} deg "
             "would nearly explain it: correct [site]"
         )
-        yield noise.corrected(words, latitude=observed.latitude)
+        yield Correction(words, latitude=observed.latitude)
 
 
 def _bias_instability(segments: Segments) -> str:

@@ -48,9 +48,9 @@ def test_terms_come_back_with_honest_sigmas(mount, truth, noise):
 @pytest.mark.parametrize("plunged", [0, 2])  # each second star, if any
 @pytest.mark.parametrize("mount", [ALT_AZ, EQUATORIAL])
 def test_a_far_zero_and_plunged_stars_change_neither_terms_nor_verdict(mount, plunged, zero_deg):
-    angle = np.where(np.abs(e := sky(mount, 60)) > np.pi / 2, 0.4, e)
+    angle = sky(ALT_AZ, 60)
     if plunged:
-        angle[::plunged] = np.array([np.pi, np.pi]) + np.array([-1.0, 1.0]) * angle[::plunged]
+        angle[::plunged] = np.pi + np.array([-1.0, 1.0]) * angle[::plunged]
     r = run(mount, angle, effects(mount, axis_collimation=60.0, base_tilt__east=-40.0), 2.0)
     inner, outer = mount.axis_names[:2]
     over = np.cos(r.channels["true_angle", inner]) < 0
